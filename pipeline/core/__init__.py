@@ -1,0 +1,1 @@
+"""Arrays in, arrays out: the data model and the solvers. Nothing in here imports bpy."""

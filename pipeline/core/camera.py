@@ -1,0 +1,96 @@
+"""Pinhole and orthographic cameras: a ray for every pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import LightsphereError
+
+MODELS = ("pinhole", "orthographic")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera without lens distortion.
+
+    Parameters
+    ----------
+    model : str
+        ``"pinhole"`` or ``"orthographic"``.
+    to_world : (4, 4) float64
+        Camera space (x right, y up, z to the viewer) to world, rigid [m].
+    resolution : (int, int)
+        Width and height [px].
+    focal : (float, float)
+        Pinhole: focal lengths fx, fy [px]. Orthographic: pixels per metre in x and y.
+    centre : (float, float)
+        Where the optical axis meets the picture, from its top left corner [px].
+    """
+
+    model: str
+    to_world: NDArray[np.float64]
+    resolution: tuple[int, int]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+
+    def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return origins and unit directions of the rays through the pixel centres, world space.
+
+        Returns
+        -------
+        origins, directions : (H, W, 3) float64
+            [m] and unit; ``origins + depth * directions`` is the surface point.
+        """
+        width, height = self.resolution
+        x = (np.arange(width) + 0.5 - self.centre[0]) / self.focal[0]
+        y = (self.centre[1] - np.arange(height) - 0.5) / self.focal[1]
+        grid_x, grid_y = np.meshgrid(x, y)
+        ones = np.ones_like(grid_x)
+        rotation, position = self.to_world[:3, :3], self.to_world[:3, 3]
+        if self.model == "pinhole":
+            local = np.stack([grid_x, grid_y, -ones], axis=-1)
+            local /= np.linalg.norm(local, axis=-1, keepdims=True)
+            directions = local @ rotation.T
+            origins = np.broadcast_to(position, directions.shape).copy()
+        else:
+            local = np.stack([grid_x, grid_y, 0 * ones], axis=-1)
+            origins = local @ rotation.T + position
+            directions = np.broadcast_to(-rotation[:, 2], origins.shape).copy()
+        return origins, directions
+
+    def normals_to_world(self, normals: NDArray[Any]) -> NDArray[np.float64]:
+        """Rotate camera-space normals (..., 3) to world space."""
+        return np.asarray(normals, np.float64) @ self.to_world[:3, :3].T
+
+    def normals_to_camera(self, world_normals: NDArray[Any]) -> NDArray[np.float64]:
+        """Rotate world-space normals (..., 3) to camera space."""
+        return np.asarray(world_normals, np.float64) @ self.to_world[:3, :3]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the camera as plain JSON values."""
+        return {
+            "model": self.model,
+            "to_world": self.to_world.tolist(),
+            "resolution": list(self.resolution),
+            "focal": list(self.focal),
+            "centre": list(self.centre),
+        }
+
+    @classmethod
+    def from_json(cls, value: dict[str, Any]) -> Camera:
+        """Make a camera from :meth:`as_json`'s values; raise LightsphereError when they are not a camera."""
+        try:
+            to_world = np.array(value["to_world"], np.float64)
+            width, height = (int(n) for n in value["resolution"])
+            fx, fy = (float(n) for n in value["focal"])
+            cx, cy = (float(n) for n in value["centre"])
+            model = str(value["model"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise LightsphereError(f"the camera is not readable ({error}); write the capture again") from error
+        if model not in MODELS or to_world.shape != (4, 4) or not np.isfinite(to_world).all():
+            raise LightsphereError("the camera's model or matrix is wrong; write the capture again")
+        return cls(model, to_world, (width, height), (fx, fy), (cx, cy))

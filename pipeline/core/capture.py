@@ -1,0 +1,175 @@
+"""A capture on disk: pictures under one light at a time, camera, lights, mask, and truth where it is known.
+
+The folder holds ``capture.json``, one EXR per light, ``mask.exr`` (channel ``mask.V``) and, for rendered
+captures, ``truth.exr`` with the channels ``depth.V``, ``normal.X/Y/Z`` (camera space),
+``position.X/Y/Z`` (world) and ``material.V``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import images
+from .camera import Camera
+from .errors import LightsphereError
+from .lights import Lights
+
+FILE = "capture.json"
+FORMAT = "lightsphere-capture"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a renderer knows and a solver never sees; NaN where nothing is hit.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Distance along the ray [m].
+    normal : (H, W, 3) float32
+        Unit shading normal, camera space.
+    position : (H, W, 3) float32
+        Surface point, world space [m].
+    material : (H, W) int32
+        Material index, 0 where nothing is hit.
+    diameter : float
+        Largest extent of the object [m]; depth errors are stated in per cent of it.
+    """
+
+    depth: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    position: NDArray[np.float32]
+    material: NDArray[np.int32]
+    diameter: float
+
+
+@dataclass(frozen=True)
+class Capture:
+    """An OLAT stack whose pictures are opened one at a time.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files are.
+    camera : Camera
+    lights : Lights
+        L of them.
+    files : tuple of str
+        Name of each light's picture inside the folder, length L.
+    checksums : tuple of str
+        SHA-256 of each picture as it was written; ``""`` where not recorded yet.
+    notes : dict
+        Whatever else was written down: scene, rig, effects, seconds, diameter, ...
+    """
+
+    folder: Path
+    camera: Camera
+    lights: Lights
+    files: tuple[str, ...]
+    checksums: tuple[str, ...]
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def image(self, light: int) -> NDArray[np.float32]:
+        """Read one picture as (H, W, 3) linear radiance; raise LightsphereError naming a bad file."""
+        path = self.folder / self.files[light]
+        image = images.read_rgb(path)
+        width, height = self.camera.resolution
+        if image.shape != (height, width, 3):
+            raise LightsphereError(
+                f"{path} is {image.shape[1]}x{image.shape[0]} pixels, the camera {width}x{height}; "
+                "replace the picture or correct the camera"
+            )
+        return image
+
+    def mask(self) -> NDArray[np.bool_]:
+        """Read which pixels show the object, (H, W)."""
+        path = self.folder / "mask.exr"
+        mask = images.read_channels(path).get("mask.V")
+        width, height = self.camera.resolution
+        if mask is None or mask.shape != (height, width):
+            raise LightsphereError(f"{path} does not fit the camera's {width}x{height} pixels; replace it")
+        return np.asarray(mask > 0.5)
+
+    def truth(self) -> Truth | None:
+        """Read the truth layers, or return None where there are none. For figures only, never for solving."""
+        path = self.folder / "truth.exr"
+        if not path.is_file():
+            return None
+        channels = images.read_channels(path)
+
+        def vector(name: str) -> NDArray[np.float32]:
+            return np.stack([channels[f"{name}.{axis}"] for axis in "XYZ"], axis=-1)
+
+        return Truth(
+            depth=channels["depth.V"],
+            normal=vector("normal"),
+            position=vector("position"),
+            material=channels["material.V"].astype(np.int32),
+            diameter=float(self.notes["diameter"]),
+        )
+
+    def select(self, indices: NDArray[np.int64]) -> Capture:
+        """Return the capture restricted to some of its lights."""
+        return dataclasses.replace(
+            self,
+            lights=self.lights.select(indices),
+            files=tuple(self.files[i] for i in indices),
+            checksums=tuple(self.checksums[i] for i in indices),
+        )
+
+    def save(self) -> None:
+        """Write ``capture.json`` atomically."""
+        entries = [
+            {"file": name, "sha256": digest, **light}
+            for name, digest, light in zip(self.files, self.checksums, self.lights.as_json(), strict=True)
+        ]
+        value = {
+            "format": FORMAT,
+            "version": VERSION,
+            "camera": self.camera.as_json(),
+            "light_kind": self.lights.kind,
+            "lights": entries,
+            "notes": self.notes,
+        }
+        images.write_text(self.folder / FILE, json.dumps(value, indent=1))
+
+    @classmethod
+    def open(cls, folder: Path) -> Capture:
+        """Open a capture folder.
+
+        Raises
+        ------
+        LightsphereError
+            When the folder is not a capture, or its description is damaged; pictures are checked when they are read.
+        """
+        path = folder / FILE
+        if not path.is_file():
+            raise LightsphereError(f"{folder} is not a capture (it has no {FILE}); make one with lightsphere capture")
+        try:
+            value = json.loads(path.read_text(encoding="utf-8"))
+            entries = value["lights"]
+            if value["format"] != FORMAT or value["version"] != VERSION:
+                raise LightsphereError(f"{path} is of format {value['format']} {value['version']}; capture again")
+            return cls(
+                folder=folder,
+                camera=Camera.from_json(value["camera"]),
+                lights=Lights.from_json(value["light_kind"], entries),
+                files=tuple(str(entry["file"]) for entry in entries),
+                checksums=tuple(str(entry.get("sha256", "")) for entry in entries),
+                notes=dict(value.get("notes", {})),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise LightsphereError(
+                f"{path} is damaged ({error!r}); capture again, finished pictures are kept"
+            ) from error

@@ -1,0 +1,15 @@
+"""The errors that commands and operators catch and show; every other exception is a bug."""
+
+from __future__ import annotations
+
+
+class LightsphereError(Exception):
+    """The input is at fault: the message says what is wrong, then what to do.
+
+    Examples
+    --------
+    >>> raise LightsphereError("lights.lp lists 12 lights but 10 pictures exist; correct its first line")
+    Traceback (most recent call last):
+    ...
+    pipeline.core.errors.LightsphereError: lights.lp lists 12 lights but 10 pictures exist; correct its first line
+    """

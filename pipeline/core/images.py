@@ -1,0 +1,104 @@
+"""Float images on disk: OpenEXR files written atomically, read with a clear error.
+
+OpenEXR is imported when it is first needed: inside a real Blender executable its library clashes
+with Blender's own, so there images are read in worker processes only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import LightsphereError
+
+
+def write_channels(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
+    """Write an OpenEXR file atomically: it is whole or it is not there.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder exists.
+    channels : mapping of str to (H, W) float16 or float32
+        Channel name, e.g. ``"R"`` or ``"normal.X"``, to its values, rows top-down.
+
+    Raises
+    ------
+    LightsphereError
+        When the disk is full or the folder cannot be written.
+    """
+    import OpenEXR
+
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
+    try:
+        with OpenEXR.File(header, planes) as file:
+            file.write(str(partial))
+        os.replace(partial, path)
+    except (OSError, RuntimeError) as error:
+        partial.unlink(missing_ok=True)
+        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+
+
+def read_channels(path: Path) -> dict[str, NDArray[Any]]:
+    """Read every channel of an OpenEXR file, multipart files included, as (H, W) arrays.
+
+    Raises
+    ------
+    LightsphereError
+        When the file is missing or damaged; the message names it.
+    """
+    import OpenEXR
+
+    if not path.is_file():
+        raise LightsphereError(f"{path} is missing; render or import the capture again to replace it")
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {}
+            for part in file.parts:
+                channels.update({name: np.array(c.pixels) for name, c in part.channels.items()})
+    except Exception as error:  # the library raises its own untyped errors for damaged files
+        raise LightsphereError(
+            f"{path} is damaged ({error}); delete it and run the stage that made it again"
+        ) from error
+    return channels
+
+
+def write_rgb(path: Path, image: NDArray[Any]) -> None:
+    """Write an (H, W, 3) image atomically as an OpenEXR file with channels R, G, B of the image's own type."""
+    write_channels(path, {name: image[..., i] for i, name in enumerate("RGB")})
+
+
+def read_rgb(path: Path) -> NDArray[np.float32]:
+    """Read an OpenEXR picture as (H, W, 3) float32; a file with one channel is taken as gray."""
+    channels = read_channels(path)
+    if all(name in channels for name in "RGB"):
+        return np.stack([channels[name] for name in "RGB"], axis=-1).astype(np.float32)
+    if len(channels) == 1:
+        (gray,) = channels.values()
+        return np.repeat(gray[..., None], 3, axis=-1).astype(np.float32)
+    raise LightsphereError(f"{path} holds the channels {', '.join(channels)}; a picture needs R, G and B")
+
+
+def checksum(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically; raise LightsphereError when the disk is full or the folder is closed."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error

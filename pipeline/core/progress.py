@@ -1,0 +1,56 @@
+"""Long work as generators: one function serves the command line, tests, operators and workers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """A step of long work.
+
+    Parameters
+    ----------
+    stage : str
+        What is being done, in words that a user reads, e.g. ``"render"``.
+    done, total : float
+        Work done and work in all, in the stage's own unit; ``done <= total``.
+    unit : str
+        The unit of ``done`` and ``total``, e.g. ``"pictures"``.
+    """
+
+    stage: str
+    done: float
+    total: float
+    unit: str = ""
+
+
+Work = Generator[Progress, None, Result]
+
+
+def finish(work: Work[Result], report: Callable[[Progress], None] | None = None) -> Result:
+    """Run a generator to its end and return its result.
+
+    Parameters
+    ----------
+    work : generator of Progress
+        The long work.
+    report : callable, optional
+        Called with every step.
+
+    Returns
+    -------
+    The value that the generator returns.
+    """
+    while True:
+        try:
+            step = next(work)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+        if report is not None:
+            report(step)

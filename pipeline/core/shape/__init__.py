@@ -1,0 +1,85 @@
+"""Shape: depth, normals and confidence of every pixel, and the mesh through them.
+
+On disk a folder with ``shape.json`` (method, settings, capture, figures), ``shape.exr`` with the channels
+``depth.V``, ``normal.X/Y/Z`` (camera space), ``confidence.V`` and ``mesh.ply``.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import images
+from ..camera import Camera
+from ..errors import LightsphereError
+
+FILE = "shape.json"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Depth, normals and confidence per pixel.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera of the capture.
+    depth : (H, W) float32
+        Distance along the pixel's ray [m]; NaN where not recovered.
+    normal : (H, W, 3) float32
+        Unit normal in camera space; NaN where not recovered.
+    confidence : (H, W) float32
+        0 (not recovered) to 1.
+    layers : dict of str to (H, W) float32
+        Whatever else the method knows per pixel, written as ``NAME.V``, e.g. ``residual``, ``lit_pairs``.
+    notes : dict
+        Method, settings, capture folder, seconds, errors.
+    """
+
+    camera: Camera
+    depth: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    confidence: NDArray[np.float32]
+    layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def points(self) -> NDArray[np.float64]:
+        """Return the surface points in the world, (H, W, 3) [m]; NaN where not recovered."""
+        origins, directions = self.camera.rays()
+        return np.asarray(origins + self.depth[..., None].astype(np.float64) * directions)
+
+    def save(self, folder: Path) -> None:
+        """Write the shape's files into a folder, each atomically."""
+        folder.mkdir(parents=True, exist_ok=True)
+        channels = {"depth.V": self.depth, "confidence.V": self.confidence}
+        channels.update({f"normal.{axis}": self.normal[..., i] for i, axis in enumerate("XYZ")})
+        channels.update({f"{name}.V": layer for name, layer in self.layers.items()})
+        images.write_channels(folder / "shape.exr", {k: np.asarray(v, np.float32) for k, v in channels.items()})
+        value = {"camera": self.camera.as_json(), "notes": self.notes}
+        images.write_text(folder / FILE, json.dumps(value, indent=1))
+
+    @classmethod
+    def open(cls, folder: Path) -> Shape:
+        """Open a shape folder; raise LightsphereError when it is none or is damaged."""
+        path = folder / FILE
+        if not path.is_file():
+            raise LightsphereError(f"{folder} is not a shape (it has no {FILE}); make one with lightsphere shape")
+        try:
+            value = json.loads(path.read_text(encoding="utf-8"))
+            channels = images.read_channels(folder / "shape.exr")
+            known = ("depth.V", "confidence.V", "normal.X", "normal.Y", "normal.Z")
+            return cls(
+                camera=Camera.from_json(value["camera"]),
+                depth=channels["depth.V"],
+                normal=np.stack([channels[f"normal.{axis}"] for axis in "XYZ"], axis=-1),
+                confidence=channels["confidence.V"],
+                layers={name[:-2]: c for name, c in channels.items() if name not in known},
+                notes=dict(value["notes"]),
+            )
+        except (KeyError, ValueError) as error:
+            raise LightsphereError(f"{folder} is damaged ({error!r}); run lightsphere shape again") from error
