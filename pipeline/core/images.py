@@ -41,7 +41,7 @@ def write_channels(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
     try:
         with OpenEXR.File(header, planes) as file:
             file.write(str(partial))
-        os.replace(partial, path)
+        partial.replace(path)
     except (OSError, RuntimeError) as error:
         partial.unlink(missing_ok=True)
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
@@ -98,7 +98,7 @@ def write_text(path: Path, text: str) -> None:
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
