@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-import click
 import typer
+from typer.exceptions import TyperException
 
 from .commands import registry
 from .core.errors import LightsphereError
@@ -17,7 +17,6 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="lightsphere",
     help="Recover shape and reflectance from pictures under many lights, as Blender assets that Cycles relights.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -26,15 +25,24 @@ registry.add_commands(app)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 2 the input is at fault, 130 interrupted."""
+    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
-        app(args=list(sys.argv[1:] if arguments is None else arguments), prog_name="lightsphere", standalone_mode=False)
+        status = app(args=words, prog_name="lightsphere", standalone_mode=False)
     except LightsphereError as error:
-        print(f"lightsphere: {error}", file=sys.stderr)
-        return INPUT_AT_FAULT
-    except click.ClickException as error:
-        error.show()
-        return INPUT_AT_FAULT
-    except (KeyboardInterrupt, click.Abort):
+        return _refuse(str(error))
+    except TyperException as error:  # a wrong option or argument
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "lightsphere"
+        return _refuse(f"{' '.join(error.format_message().split()).rstrip('.')}; see {command} --help")
+    except OSError as error:  # a closed folder, a full disk: the user's to mend
+        return _refuse(f"{error}; check that the path exists, is open to you and has space left")
+    except (KeyboardInterrupt, typer.Abort):
+        status = INTERRUPTED
+    if status == INTERRUPTED:  # typer turns an interrupt into this status
         print("lightsphere: interrupted; what is finished is kept, the same command continues it", file=sys.stderr)
-        return INTERRUPTED
-    return 0
+    return int(status or 0)
+
+
+def _refuse(message: str) -> int:
+    print(f"lightsphere: {message}", file=sys.stderr)
+    return INPUT_AT_FAULT

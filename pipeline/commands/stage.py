@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
-import resource
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
+from rich.text import Text
 
 from ..core import images
 from ..core.progress import Progress, Work, finish
@@ -73,31 +75,65 @@ def settings_options(settings_type: type[Any]) -> Callable[[Callable[..., None]]
 
 
 def run_with_bar(work: Work[Result]) -> Result:
-    """Run long work with a bar, rate and time left on a terminal; silently where there is none."""
+    """Run long work with a bar, rate and time left on a terminal; silently where there is none.
+
+    With the environment variable ``LIGHTSPHERE_PROGRESS=json`` every step is one line of JSON on standard
+    output instead: how a worker process tells Blender's window how far it is.
+    """
+    if os.environ.get("LIGHTSPHERE_PROGRESS") == "json":
+        return finish(work, JsonLines())
     columns = (
         TextColumn("{task.description:<12}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[unit]}  {task.fields[rate]}"),
+        Rate(),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, disable=not sys.stderr.isatty(), console=_stderr()) as bar:
+    with Bar(*columns, disable=not sys.stderr.isatty(), console=Console(file=sys.stderr)) as bar:
         tasks: dict[str, Any] = {}
 
         def report(step: Progress) -> None:
             if step.stage not in tasks:
-                tasks[step.stage] = bar.add_task(step.stage, total=step.total, unit=step.unit, rate="")
-            task = tasks[step.stage]
-            speed = bar._tasks[task].finished_speed or bar._tasks[task].speed
-            bar.update(task, completed=step.done, total=step.total, rate=f"{speed:.3g}/s" if speed else "")
+                tasks[step.stage] = bar.add_task(step.stage, total=step.total, unit=step.unit)
+            bar.update(tasks[step.stage], completed=step.done, total=step.total)
 
         return finish(work, report)
 
 
-def _stderr() -> Any:
-    from rich.console import Console
+class Rate(ProgressColumn):
+    """The unit of the work and how much of it is done a second."""
 
-    return Console(file=sys.stderr)
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text(f"{task.fields['unit']}  " + (f"{speed:.3g}/s" if speed else ""))
+
+
+class JsonLines:
+    """Print steps as lines of JSON, at most ten a second, the first and last step of a stage always."""
+
+    def __init__(self) -> None:
+        self._stage = ""
+        self._printed = 0.0
+
+    def __call__(self, step: Progress) -> None:
+        now = time.monotonic()
+        if step.stage == self._stage and step.done < step.total and now - self._printed < 0.1:
+            return
+        self._stage, self._printed = step.stage, now
+        print(json.dumps(dataclasses.asdict(step)), flush=True)
+
+
+def peak_memory_mb() -> float | None:
+    """Return the largest memory that this process or one of its finished children held [MB].
+
+    None on Windows, where the standard library does not know it.
+    """
+    try:
+        import resource
+    except ImportError:
+        return None
+    most = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return most / (1024**2 if sys.platform == "darwin" else 1024)  # macOS counts bytes, Linux KiB
 
 
 class Figures:
@@ -120,9 +156,7 @@ class Figures:
         if kind is not None:
             return
         seconds = time.perf_counter() - self._start
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-        values = {"seconds": seconds, "peak_memory_mb": max(own, children) / 1024, **self.values}
+        values = {"seconds": seconds, "peak_memory_mb": peak_memory_mb(), **self.values}
         if self.json_file is not None:
             images.write_text(self.json_file, json.dumps(values, indent=1))
         print(f"{self.stage}: {self.summary} ({seconds:.1f} s)")
