@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import typer
 
+from .capture import capture
+from .scenes import scenes
+
 
 def add_commands(app: typer.Typer) -> None:
     """Register every command with the application."""
+    app.command()(scenes)
+    app.command()(capture)

@@ -1,0 +1,39 @@
+"""Open a built-in scene or a user's own .blend."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.errors import LightsphereError
+
+
+def library() -> dict[str, Any]:
+    """Return the built-in scenes by name; they live beside this package, whatever it is called."""
+    package = __package__.removesuffix("pipeline.blender") + "scenes"
+    scenes: dict[str, Any] = importlib.import_module(f"{package}.library").SCENES
+    return scenes
+
+
+def load(name: str) -> bpy.types.Scene:
+    """Load a built-in scene by name or a .blend by path into this Blender, replacing what is open."""
+    scenes = library()
+    if name in scenes:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        scene = bpy.context.scene
+        scene.world = None
+        scenes[name].build(scene)
+        return scene
+    path = Path(name)
+    if path.suffix != ".blend":
+        raise LightsphereError(f"there is no scene {name!r}; give a .blend file or one of {', '.join(scenes)}")
+    if not path.is_file():
+        raise LightsphereError(f"{path} does not exist; give a .blend file or one of {', '.join(scenes)}")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
+    except RuntimeError as error:
+        raise LightsphereError(f"{path} cannot be opened ({error}); save it again with this Blender") from error
+    return bpy.context.scene

@@ -1,0 +1,31 @@
+"""The built-in scenes by name, with the effects that each contains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from . import teapot
+
+SHADOW = "cast shadows"
+DIFFUSE = "diffuse interreflection"
+GLOSSY = "glossy interreflection"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A built-in scene: what it shows, its effects, and the function that builds it into an empty bpy scene."""
+
+    description: str
+    effects: tuple[str, ...]
+    build: Callable[[Any], None]
+
+
+SCENES: dict[str, Entry] = {
+    "teapot-lambert": Entry("Lambertian teapot on a disk", (SHADOW, DIFFUSE), teapot.lambert),
+    "teapot-plastic": Entry("plastic teapot on a disk", (SHADOW, DIFFUSE, GLOSSY), teapot.plastic),
+    "teapot-metal": Entry("rough metal teapot (GGX) on a disk", (SHADOW, DIFFUSE, GLOSSY), teapot.metal),
+    "teapot-coat": Entry("half metallic teapot with a clear coat", (SHADOW, DIFFUSE, GLOSSY), teapot.coat),
+    "teapot-beckmann": Entry("teapot of one Beckmann lobe", (SHADOW, DIFFUSE, GLOSSY), teapot.beckmann),
+}
