@@ -63,6 +63,8 @@ def read_channels(path: Path) -> dict[str, NDArray[Any]]:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {}
             for part in file.parts:
+                if not part.channels:  # cut off: the library only prints a warning and leaves them out
+                    raise RuntimeError("the file ends too early")
                 channels.update({name: np.array(c.pixels) for name, c in part.channels.items()})
     except Exception as error:  # the library raises its own untyped errors for damaged files
         raise LightsphereError(
