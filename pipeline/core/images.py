@@ -60,11 +60,13 @@ def read_channels(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise LightsphereError(f"{path} is missing; render or import the capture again to replace it")
     try:
+        with OpenEXR.File(str(path), header_only=True) as header:
+            promised = len(header.parts)
         with OpenEXR.File(str(path), separate_channels=True) as file:
+            if len(file.parts) < promised:  # of a file cut off the library leaves parts out, with a warning only
+                raise RuntimeError("the file ends too early")
             channels = {}
             for part in file.parts:
-                if not part.channels:  # cut off: the library only prints a warning and leaves them out
-                    raise RuntimeError("the file ends too early")
                 channels.update({name: np.array(c.pixels) for name, c in part.channels.items()})
     except Exception as error:  # the library raises its own untyped errors for damaged files
         raise LightsphereError(

@@ -46,6 +46,16 @@ def test_a_file_of_several_parts_is_read_whole(tmp_path: Path) -> None:
     assert {name: plane.flat[0] for name, plane in returned.items()} == {"depth.V": 1, "mask.V": 2}
 
 
+def test_a_file_that_lacks_its_last_part_is_named(tmp_path: Path) -> None:
+    path, noise = tmp_path / "cut.exr", picture(size=(90, 90))[..., 0]
+    header = {"type": OpenEXR.scanlineimage}
+    with OpenEXR.File([OpenEXR.Part(header, {f"{name}.V": noise}, name) for name in ("depth", "mask")]) as file:
+        file.write(str(path))
+    path.write_bytes(path.read_bytes()[: int(0.9 * path.stat().st_size)])
+    with pytest.raises(LightsphereError, match=r"cut\.exr is damaged .*ends too early"):
+        images.read_channels(path)
+
+
 def test_one_channel_is_gray_and_other_channels_are_refused(tmp_path: Path) -> None:
     plane = picture()[..., 0]
     images.write_channels(tmp_path / "gray.exr", {"Y": plane})
