@@ -16,6 +16,12 @@ def picture(kind: type = np.float32, size: tuple[int, int] = (9, 13)) -> np.ndar
     return np.random.default_rng(1).uniform(0, 4, (*size, 3)).astype(kind)
 
 
+def write_parts(path: Path, planes: dict[str, np.ndarray]) -> None:
+    parts = [OpenEXR.Part({"type": OpenEXR.scanlineimage}, {f"{n}.V": plane}, n) for n, plane in planes.items()]
+    with OpenEXR.File(parts) as file:
+        file.write(str(path))
+
+
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
 def test_a_picture_returns_bit_for_bit(tmp_path: Path, kind: type) -> None:
     image = picture(kind)
@@ -36,21 +42,14 @@ def test_channels_keep_their_names_and_infinities(tmp_path: Path) -> None:
 
 
 def test_a_file_of_several_parts_is_read_whole(tmp_path: Path) -> None:
-    parts = [
-        OpenEXR.Part({"type": OpenEXR.scanlineimage}, {f"{name}.V": np.full((2, 3), value, np.float32)}, name)
-        for name, value in (("depth", 1), ("mask", 2))
-    ]
-    with OpenEXR.File(parts) as file:
-        file.write(str(tmp_path / "a.exr"))
+    write_parts(tmp_path / "a.exr", {name: np.full((2, 3), v, np.float32) for name, v in (("depth", 1), ("mask", 2))})
     returned = images.read_channels(tmp_path / "a.exr")
     assert {name: plane.flat[0] for name, plane in returned.items()} == {"depth.V": 1, "mask.V": 2}
 
 
 def test_a_file_that_lacks_its_last_part_is_named(tmp_path: Path) -> None:
     path, noise = tmp_path / "cut.exr", picture(size=(90, 90))[..., 0]
-    header = {"type": OpenEXR.scanlineimage}
-    with OpenEXR.File([OpenEXR.Part(header, {f"{name}.V": noise}, name) for name in ("depth", "mask")]) as file:
-        file.write(str(path))
+    write_parts(path, {"depth": noise, "mask": noise})
     path.write_bytes(path.read_bytes()[: int(0.9 * path.stat().st_size)])
     with pytest.raises(LightsphereError, match=r"cut\.exr is damaged .*ends too early"):
         images.read_channels(path)
