@@ -93,4 +93,6 @@ class Camera:
             raise LightsphereError(f"the camera is not readable ({error}); write the capture again") from error
         if model not in MODELS or to_world.shape != (4, 4) or not np.isfinite(to_world).all():
             raise LightsphereError("the camera's model or matrix is wrong; write the capture again")
+        if min(width, height) < 1 or not np.isfinite([fx, fy, cx, cy]).all() or min(fx, fy) <= 0:
+            raise LightsphereError("the camera's resolution, focal length or centre is wrong; write the capture again")
         return cls(model, to_world, (width, height), (fx, fy), (cx, cy))

@@ -107,17 +107,24 @@ class Capture:
         if not path.is_file():
             return None
         channels = images.read_channels(path)
+        width, height = self.camera.resolution
 
         def vector(name: str) -> NDArray[np.float32]:
             return np.stack([channels[f"{name}.{axis}"] for axis in "XYZ"], axis=-1)
 
-        return Truth(
-            depth=channels["depth.V"],
-            normal=vector("normal"),
-            position=vector("position"),
-            material=channels["material.V"].astype(np.int32),
-            diameter=float(self.notes["diameter"]),
-        )
+        try:
+            truth = Truth(
+                depth=channels["depth.V"],
+                normal=vector("normal"),
+                position=vector("position"),
+                material=channels["material.V"].astype(np.int32),
+                diameter=float(self.notes["diameter"]),
+            )
+        except KeyError as error:
+            raise LightsphereError(f"{path} or {FILE} lacks {error}; delete {path.name} or capture again") from error
+        if truth.depth.shape != (height, width):
+            raise LightsphereError(f"{path} does not fit the camera's {width}x{height} pixels; delete or replace it")
+        return truth
 
     def select(self, indices: NDArray[np.int64]) -> Capture:
         """Return the capture restricted to some of its lights."""

@@ -57,8 +57,8 @@ class Lights:
     def from_json(cls, kind: str, values: list[dict[str, Any]]) -> Lights:
         """Make lights from :meth:`as_json`'s values; raise LightsphereError when they are not lights."""
         try:
-            position = np.array([v["position"] for v in values], np.float64).reshape(-1, 3)
-            intensity = np.array([v["intensity"] for v in values], np.float64).reshape(-1, 3)
+            position = np.array([v["position"] for v in values], np.float64).reshape(len(values), 3)
+            intensity = np.array([v["intensity"] for v in values], np.float64).reshape(len(values), 3)
             surface = np.array([SURFACES.index(v["surface"]) for v in values], np.int64)
         except (KeyError, TypeError, ValueError) as error:
             raise LightsphereError(f"the lights are not readable ({error}); write the capture again") from error
