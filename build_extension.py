@@ -60,6 +60,7 @@ def main() -> None:
     pairs = [(chosen.line, chosen.platform)]
     if chosen.all:
         pairs = [(line, name) for line in LINES for name in PLATFORMS]
+    run_builder("validate", str(ROOT))
     for line, name in pairs:
         wheels = download(line, name)
         archive = build(line, name, wheels)
@@ -118,6 +119,7 @@ def build(line: str, name: str, wheels: Iterable[Path]) -> Path:
             shutil.copy(wheel, stage / "wheels")
         (stage / "blender_manifest.toml").write_text(manifest(line, name, wheels), encoding="utf-8")
         run_builder("build", "--source-dir", str(stage), "--output-filepath", str(archive))
+    run_builder("validate", str(archive))
     return archive
 
 
