@@ -1,10 +1,12 @@
-"""Render an OLAT capture with Cycles: truth, then one picture per light, each written atomically."""
+"""Render an OLAT capture with Cycles: truth first, then one picture per light, each written atomically."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,104 +14,182 @@ import bpy
 import numpy as np
 
 from ..core import images
-from ..core.capture import Capture
-from ..core.lights import Lights
+from ..core import rig as layouts
+from ..core.capture import FILE, Capture
+from ..core.capture_settings import CaptureSettings, PlanSettings
+from ..core.errors import LightsphereError
+from ..core.journal import Journal
 from ..core.progress import Progress, Work
-from ..core.rig import CaptureSettings, double_sphere
-from . import cycles, exr_header, truth
+from . import cycles, exr, geometry, lamps, plan, rig, truth, workers
 from .camera import camera_of
 
-FAR = (1e4, 1e4, 1e4)
-TINY = 1e-6
+JOURNAL = "finished.sha256"
 
 
-def capture(scene: bpy.types.Scene, name: str, folder: Path, settings: CaptureSettings) -> Work[Capture]:
-    """Capture a scene into a folder.
+def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: CaptureSettings) -> Work[Capture]:
+    """Capture a scene into a folder, or continue the capture that is there.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its camera sees the object; its own lights and world are left out.
+    source : str
+        Name of the built-in scene or path of the .blend, from which workers load the same scene.
+    folder : Path
+    settings : CaptureSettings
 
     Yields
     ------
-    Progress per picture.
+    Progress
+
+    Returns
+    -------
+    Capture
+        Complete. The files depend on scene, settings and Blender version alone: not on workers or interruptions.
+
+    Raises
+    ------
+    LightsphereError
+        For a scene or rig that cannot be captured, a folder that holds another capture, or a full disk.
     """
+    started = describe(scene, source, folder, settings)
     folder.mkdir(parents=True, exist_ok=True)
+    if (folder / FILE).is_file():
+        started = _continued(scene, Capture.open(folder), started)
+    else:
+        started = yield from _begun(scene, started, settings)
+    for left in folder.glob(".*.part"):
+        left.unlink()
+    journal = Journal(folder / JOURNAL)
+    done = _intact(started, journal)
+    yield from _render_all(scene, source, started, settings.workers, done, journal)
+    finished = dataclasses.replace(started, checksums=tuple(done[name] for name in started.files))
+    finished.save()
+    journal.remove()
+    return finished
+
+
+def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: CaptureSettings) -> Capture:
+    """Return the capture that a scene and settings ask for, its pictures not yet rendered.
+
+    Raises
+    ------
+    LightsphereError
+        When the scene has no camera or object, or a light stands inside the object.
+    """
     scene.view_layers[0].update()
     camera = camera_of(scene, settings.resolution)
-    lights = double_sphere(settings)
-    files = tuple(f"light_{i:04d}.exr" for i in range(len(lights)))
-    notes: dict[str, Any] = {"scene": name, "effects": settings.effects, "diameter": truth.diameter(scene)}
-    effects, samples = settings.effects, settings.samples
+    triangles = geometry.object_triangles(scene)
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    centre = (low + high) / 2
+    if settings.rig == "scene":
+        lights = rig.lights_of(rig.find(scene))
+    else:
+        view = camera.to_world[:3, 3] - centre
+        lights = layouts.lights_for(settings, centre, view / np.linalg.norm(view))
+    if lights.kind == "near":
+        geometry.check_outside(lights.position, triangles)
+    notes: dict[str, Any] = {"scene": Path(source).name, "blender": bpy.app.version_string}
+    if Path(source).suffix == ".blend":
+        notes["scene_sha256"] = images.checksum(Path(source))
+    notes["settings"] = {k: v for k, v in dataclasses.asdict(settings).items() if k != "workers"}
+    notes["diameter"] = float((high - low).max())
+    digits = max(4, len(str(len(lights) - 1)))
+    files = tuple(f"light_{i:0{digits}d}.exr" for i in range(len(lights)))
+    return Capture(folder, camera, lights, files, ("",) * len(files), notes)
+
+
+def render_lights(scene: bpy.types.Scene, capture: Capture, lights: Iterable[int], threads: int) -> Iterator[int]:
+    """Render the pictures of some lights of a described capture; yield each light when its picture is on disk."""
+    settings = capture.notes["settings"]
+    transport = cycles.Transport(**capture.notes["transport"])
     with (
-        cycles.quiet(),
-        cycles.measuring(scene, settings.resolution, effects, samples, settings.seed),
-        own_lights_hidden(scene),
-        meshes_cached(scene),
-        point_light(scene) as lamp,
+        cycles.measuring(scene, capture.camera.resolution[0], transport, settings["seed"], threads),
+        cycles.openexr(scene, pixel_type=settings["pixel_type"]),
+        cycles.own_lights_hidden(scene),
+        cycles.meshes_cached(scene),
+        lamps.lamp(scene, capture.lights.kind) as lamp,
     ):
-        truth.write(scene, camera, folder)
-        checksums = []
-        for i, file in enumerate(files):
-            checksums.append(picture(scene, lamp, lights, i, folder / file))
-            yield Progress("render", i + 1, len(files), "pictures")
-    done = Capture(folder, camera, lights, files, tuple(checksums), notes)
-    done.save()
-    return done
+        for light in lights:
+            lamps.shine(lamp, capture.lights, light)
+            path = capture.folder / capture.files[light]
+            partial = exr.partial_name(path)
+            cycles.render(scene, partial)
+            partial.replace(path)
+            yield light
 
 
-def picture(scene: bpy.types.Scene, lamp: bpy.types.Object, lights: Lights, index: int, path: Path) -> str:
-    """Render the picture under one light atomically and return its SHA-256."""
-    lamp.location = lights.position[index]
-    strength = lights.intensity[index].max()
-    lamp.data.energy = 4 * np.pi * strength
-    lamp.data.color = lights.intensity[index] / strength
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    cycles.render(scene, str(partial))
-    exr_header.remove_times(partial)
-    digest = images.checksum(partial)
-    partial.replace(path)
-    return digest
+def _begun(scene: bpy.types.Scene, started: Capture, settings: CaptureSettings) -> Work[Capture]:
+    """Write truth and description of a new capture, the description last."""
+    with cycles.own_lights_hidden(scene):
+        truth.write(scene, started.camera, started.folder)
+    decided = yield from plan.decide(scene, started, settings.effects, settings.samples, PlanSettings())
+    notes = started.notes | decided.as_notes()
+    notes["sha256"] = {name: images.checksum(started.folder / name) for name in truth.FILES}
+    begun = dataclasses.replace(started, notes=notes)
+    begun.save()
+    return begun
 
 
-@contextlib.contextmanager
-def point_light(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """Add a point light of radius 0 for a while: W watts make a radiant intensity of W / (4 pi) [W/sr]."""
-    data = bpy.data.lights.new("Lightsphere", "POINT")
-    data.shadow_soft_size = 0.0
-    lamp = bpy.data.objects.new("Lightsphere", data)
-    scene.collection.objects.link(lamp)
-    try:
-        yield lamp
-    finally:
-        bpy.data.objects.remove(lamp)
-        bpy.data.lights.remove(data)
+def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Capture:
+    """Return the capture found in the folder, its truth intact; raise LightsphereError when another one is wanted."""
+    for name in ("scene", "scene_sha256", "blender"):
+        if found.notes.get(name) != wanted.notes.get(name):
+            raise LightsphereError(
+                f"{found.folder} holds a capture with {name} {found.notes.get(name)}, not {wanted.notes.get(name)}; "
+                "choose another folder or delete it"
+            )
+    before, now = found.notes.get("settings", {}), wanted.notes["settings"]
+    if different := [name for name in now if before.get(name) != now[name]]:
+        words = ", ".join(f"{name} {before.get(name)}, not {now[name]}" for name in different)
+        raise LightsphereError(f"{found.folder} holds a capture with {words}; choose another folder or delete it")
+    if found.lights.as_json() != wanted.lights.as_json() or found.camera.as_json() != wanted.camera.as_json():
+        raise LightsphereError(
+            f"{found.folder} holds a capture with other lights or another camera; choose another folder or delete it"
+        )
+    if any(not _is_intact(found.folder / name, found.notes["sha256"][name]) for name in truth.FILES):
+        with cycles.own_lights_hidden(scene):
+            truth.write(scene, found.camera, found.folder)
+    return found
 
 
-@contextlib.contextmanager
-def own_lights_hidden(scene: bpy.types.Scene) -> Iterator[None]:
-    """Hide the scene's own lights from renders for a while."""
-    with contextlib.ExitStack() as stack:
-        for item in scene.objects:
-            if item.type == "LIGHT":
-                stack.enter_context(cycles.changed(item, {"hide_render": True}))
-        yield
+def _is_intact(path: Path, checksum: str) -> bool:
+    return path.is_file() and images.checksum(path) == checksum
 
 
-@contextlib.contextmanager
-def meshes_cached(scene: bpy.types.Scene) -> Iterator[None]:
-    """Give every mesh a second user for a while, out of every ray's sight.
+def _intact(started: Capture, journal: Journal) -> dict[str, str]:
+    """Return the recorded checksum of every picture by name, ``""`` where it is missing or damaged."""
+    recorded = dict(zip(started.files, started.checksums, strict=True)) | journal.read()
+    return {name: recorded[name] * _is_intact(started.folder / name, recorded[name]) for name in started.files}
 
-    Cycles bakes a mesh with one user into the scene's ray tree, which any change of a light then builds anew:
-    25 ms a picture for 65,000 triangles. A mesh with two users keeps a tree of its own.
-    """
-    copies = []
-    for item in truth.visible_meshes(scene):
-        copy = item.copy()
-        copy.parent = None
-        copy.matrix_world = ((TINY, 0, 0, FAR[0]), (0, TINY, 0, FAR[1]), (0, 0, TINY, FAR[2]), (0, 0, 0, 1))
-        for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
-            setattr(copy, f"visible_{ray}", False)
-        scene.collection.objects.link(copy)
-        copies.append(copy)
-    try:
-        yield
-    finally:
-        for copy in copies:
-            bpy.data.objects.remove(copy)
+
+def _render_all(
+    scene: bpy.types.Scene,
+    source: str,
+    started: Capture,
+    processes: int,
+    done: dict[str, str],
+    journal: Journal,
+) -> Work[None]:
+    """Render the pictures not done, here and in workers, noting each in ``done`` and the journal."""
+    pending = deque(i for i, name in enumerate(started.files) if not done[name])
+    total, processor_cores = len(started), os.cpu_count() or 1
+    processes = max(1, min(processes or processor_cores, len(pending)))
+    threads = max(1, processor_cores // processes)
+    words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
+
+    def note(light: int, checksum: str) -> Progress:
+        name = started.files[light]
+        journal.add(name, checksum)
+        done[name] = checksum
+        return Progress("render", sum(map(bool, done.values())), total, "pictures")
+
+    with workers.Pool(processes - 1, words, pending) as pool:
+        own = render_lights(scene, started, workers.taken(pending), threads)
+        with contextlib.closing(own):
+            for light in own:
+                yield note(light, images.checksum(started.folder / started.files[light]))
+                for other, checksum in pool.finished():
+                    yield note(other, checksum)
+        for other, checksum in pool.finished(wait=True):
+            yield note(other, checksum)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..core.rig import CaptureSettings
+from ..core.capture_settings import CaptureSettings
+from ..core.errors import LightsphereError
 from .stage import Figures, JsonFile, run_with_bar, settings_options
+
+Scene = Annotated[str, typer.Argument(help="a built-in scene (see lightsphere scenes) or a .blend file")]
 
 
 @settings_options(CaptureSettings)
 def capture(
-    scene: Annotated[str, typer.Argument(help="a built-in scene (see lightsphere scenes) or a .blend file")],
+    scene: Scene,
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the capture")],
     settings: CaptureSettings,
     json: JsonFile = None,
@@ -25,4 +29,26 @@ def capture(
     with Figures("capture", json) as figures:
         made = run_with_bar(blender.capture(scenes.load(scene), scene, output, settings))
         figures.values["pictures"] = len(made)
-        figures.summary = f"{len(made)} pictures of {scene} in {output}"
+        figures.values["effects"] = made.notes["effects"]
+        simulated = [effect["effect"] for effect in made.notes["effects"] if effect["simulated"]]
+        figures.summary = f"{len(made)} pictures of {scene} with {', '.join(simulated)} in {output}"
+
+
+def capture_worker(
+    scene: Scene,
+    folder: Annotated[Path, typer.Argument(help="folder of the capture, begun by another process")],
+    threads: Annotated[int, typer.Option(help="threads that render")] = 1,
+) -> None:
+    """Render the pictures whose numbers arrive on standard input; answer each with its checksum."""
+    from ..blender import capture as blender
+    from ..blender import scene as scenes
+    from ..core import images
+    from ..core.capture import Capture
+
+    begun = Capture.open(folder)
+    lights = (int(line) for line in sys.stdin)
+    try:
+        for light in blender.render_lights(scenes.load(scene), begun, lights, threads):
+            print("picture", light, images.checksum(folder / begun.files[light]), flush=True)
+    except LightsphereError as error:
+        print("error", error, flush=True)

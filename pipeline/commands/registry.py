@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import typer
 
-from .capture import capture
+from .capture import capture, capture_worker
+from .material import material
+from .plan import plan
+from .reflectance import reflectance
 from .scenes import scenes
+from .shape import shape
 
 
 def add_commands(app: typer.Typer) -> None:
     """Register every command with the application."""
     app.command()(scenes)
+    app.command()(plan)
     app.command()(capture)
+    app.command(hidden=True)(capture_worker)
+    app.command()(shape)
+    app.command()(reflectance)
+    app.command()(material)

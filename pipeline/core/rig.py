@@ -1,59 +1,123 @@
-"""Where the lights stand: evenly spread points on an inner and an outer surface."""
+"""Where the lights stand: evenly spread on an inner and an outer surface, or as measured."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, cKDTree
 
+from . import light_file
+from .capture_settings import CaptureSettings
+from .errors import LightsphereError
 from .lights import Lights
-from .settings import setting
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-TURN_OF_OUTER = 1.0
+# The outer lights are the same spiral turned by 1 rad, so that no outer light hides behind an inner one.
+TURN = np.array([[1, 0, 0], [0, np.cos(1), -np.sin(1)], [0, np.sin(1), np.cos(1)]])
+TURN_ABOUT_Z = TURN[::-1, ::-1]
 
 
-@dataclass(frozen=True)
-class CaptureSettings:
-    """What `lightsphere capture` can be told."""
+def lights_for(settings: CaptureSettings, centre: NDArray[np.float64], view: NDArray[np.float64]) -> Lights:
+    """Return the lights that the settings ask for.
 
-    rig: str = setting("double-sphere", "double-sphere, hemisphere, distant, or a file of measured lights")
-    inner: int = setting(320, "lights on the inner surface", low=4, high=100_000)
-    outer: int = setting(80, "lights on the outer surface", low=4, high=100_000)
-    radius_inner: float = setting(2.0, "radius of the inner sphere", unit="m", low=1e-6, high=1e6)
-    radius_outer: float = setting(3.0, "radius of the outer sphere", unit="m", low=1e-6, high=1e6)
-    resolution: int = setting(100, "width and height of the pictures", unit="px", low=2, high=16_384)
-    effects: str = setting("auto", "light transport to simulate", choices=("auto", "direct", "full"))
-    samples: int = setting(256, "samples a pixel where light bounces", low=1, high=1_000_000)
-    seed: int = setting(0, "seed of the samples", low=0, high=2**31 - 1)
-    depth: str = setting("float", "bits of a pixel", choices=("float", "half"))
-    workers: int = setting(2, "processes that render", low=1, high=1024)
+    Parameters
+    ----------
+    settings : CaptureSettings
+        ``rig`` names a layout or a file of measured lights.
+    centre : (3,) float64
+        Centre of generated surfaces, world [m].
+    view : (3,) float64
+        Unit direction from the object to the camera; a distant rig covers the hemisphere about it.
 
-
-def fibonacci(count: int) -> NDArray[np.float64]:
-    """Return unit directions (count, 3) spread evenly over the sphere along a spiral of golden-angle turns."""
-    index = np.arange(count)
-    z = 1 - (2 * index + 1) / count
-    radius = np.sqrt(1 - z**2)
-    return np.stack([radius * np.cos(GOLDEN_ANGLE * index), radius * np.sin(GOLDEN_ANGLE * index), z], axis=-1)
-
-
-def double_sphere(settings: CaptureSettings) -> Lights:
-    """Return the lights of two concentric spheres about the origin, none behind another.
-
-    Every light has the radiant intensity that makes a white Lambertian surface facing it at the inner
-    radius reflect a radiance of 1: I = pi r^2 [W/sr].
+    Raises
+    ------
+    LightsphereError
+        For surfaces that are not nested, an unknown rig, a light file that cannot be used, or lights that coincide.
     """
-    tilt = _rotation_x(TURN_OF_OUTER)
-    position = np.concatenate(
-        [settings.radius_inner * fibonacci(settings.inner), settings.radius_outer * fibonacci(settings.outer) @ tilt.T]
-    )
-    surface = np.repeat([0, 1], [settings.inner, settings.outer])
+    if settings.rig in ("double-sphere", "double-hemisphere"):
+        lights = double_sphere(settings, centre)
+    elif settings.rig == "distant":
+        lights = distant(settings.inner, view)
+    elif Path(settings.rig).is_file():
+        lights = light_file.read(Path(settings.rig), centre)
+    else:
+        raise LightsphereError(
+            f"the rig {settings.rig!r} is no layout and no file; give double-sphere, double-hemisphere, distant, "
+            "scene or a file of measured lights"
+        )
+    check_apart(lights)
+    return lights
+
+
+def double_sphere(settings: CaptureSettings, centre: NDArray[np.float64]) -> Lights:
+    """Return the lights of two concentric spheres, or of their upper halves.
+
+    Every light has the radiant intensity I = pi r^2 [W/sr], r the inner radius: a white Lambertian surface that
+    faces it at the inner radius reflects a radiance of 1.
+    """
+    if not settings.radius_inner < settings.radius_outer:
+        raise LightsphereError(
+            f"radius_inner is {settings.radius_inner} and radius_outer {settings.radius_outer}; "
+            "the outer sphere must be the larger one"
+        )
+    half = settings.rig == "double-hemisphere"
+    spread, turn = (hemisphere, TURN_ABOUT_Z) if half else (sphere, TURN)
+    inner = settings.radius_inner * spread(settings.inner)
+    outer = settings.radius_outer * spread(settings.outer) @ turn.T
+    position = np.concatenate([inner, outer]) + centre
     intensity = np.full((len(position), 3), np.pi * settings.radius_inner**2)
-    return Lights("near", position, intensity, surface)
+    return Lights("near", position, intensity, np.repeat([0, 1], [len(inner), len(outer)]))
 
 
-def _rotation_x(angle: float) -> NDArray[np.float64]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+def distant(count: int, axis: NDArray[np.float64]) -> Lights:
+    """Return distant lights over the hemisphere about an axis, each of irradiance pi [W/m^2]."""
+    direction = hemisphere(count) @ _to_axis(axis).T
+    return Lights("distant", direction, np.full((count, 3), np.pi), np.full(count, 2))
+
+
+def sphere(count: int) -> NDArray[np.float64]:
+    """Return unit directions (count, 3) spread evenly over the sphere, on a spiral of golden-angle turns.
+
+    Each direction has the same share of the area: z falls evenly (Archimedes).
+    """
+    return _spiral(1 - (2 * np.arange(count) + 1) / count)
+
+
+def hemisphere(count: int) -> NDArray[np.float64]:
+    """Return unit directions (count, 3) spread evenly over the half sphere about z."""
+    return _spiral(1 - (np.arange(count) + 0.5) / count)
+
+
+def edges(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the edges (E, 2) of the triangles that join the points of a star-shaped surface about a centre."""
+    rays = points - centre
+    hull = ConvexHull(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    sides = np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]])
+    return np.unique(np.sort(sides, axis=1), axis=0).astype(np.int64)
+
+
+def check_apart(lights: Lights) -> None:
+    """Raise LightsphereError when two lights coincide, naming them."""
+    if len(lights) < 2:
+        return
+    size = float(np.ptp(lights.position, axis=0).max())
+    distance, neighbour = cKDTree(lights.position).query(lights.position, k=2)
+    first = int(np.argmin(distance[:, 1]))
+    if distance[first, 1] <= 1e-9 * size:
+        pair = sorted((first, *map(int, neighbour[first])))
+        raise LightsphereError(f"lights {pair[0]} and {pair[-1]} stand in the same place; remove or correct one")
+
+
+def _spiral(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    angle = GOLDEN_ANGLE * np.arange(len(z))
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
+
+
+def _to_axis(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a rotation that takes z to a unit axis."""
+    side = np.cross([0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0], axis)
+    side /= np.linalg.norm(side)
+    return np.stack([side, np.cross(axis, side), axis], axis=1)

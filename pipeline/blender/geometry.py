@@ -1,0 +1,64 @@
+"""The surfaces that a render of a scene shows, as triangles in world space."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import LightsphereError
+from ..core.inside import winding_number
+
+BACKDROP = "lightsphere_backdrop"
+RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT")
+
+
+def object_triangles(scene: bpy.types.Scene) -> NDArray[np.float64]:
+    """Return the corners (T, 3, 3) of the object's triangles, world space [m], modifiers and instances applied.
+
+    Raises
+    ------
+    LightsphereError
+        When the scene shows no surface that is not marked as backdrop.
+    """
+    layer = scene.view_layers[0]
+    layer.update()
+    found = []
+    for instance in layer.depsgraph.object_instances:
+        item = instance.object
+        if item.type not in RENDERED or item.hide_render or item.original.get(BACKDROP):
+            continue
+        mesh = item.to_mesh()
+        if mesh is None:
+            continue
+        found.append(_triangles(mesh, np.array(instance.matrix_world, np.float64)))
+        item.to_mesh_clear()
+    if not any(len(part) for part in found):
+        raise LightsphereError(f"the scene {scene.name!r} shows no surface; add the object to capture")
+    return np.concatenate(found)
+
+
+def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]) -> None:
+    """Raise LightsphereError naming the first light that stands inside the object or touches its surface.
+
+    Only lights inside the object's bounding box can, so that the costly test is rare.
+    """
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    near = np.flatnonzero(((positions >= low) & (positions <= high)).all(axis=1))
+    inside = near[abs(winding_number(positions[near], triangles)) > 0.5]
+    if len(inside):
+        x, y, z = positions[inside[0]]
+        raise LightsphereError(
+            f"light {inside[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object, and {len(inside) - 1} more; "
+            "enlarge the rig or move those lights"
+        )
+
+
+def _triangles(mesh: bpy.types.Mesh, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    mesh.calc_loop_triangles()
+    index = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", index)
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    world = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    return world[index].reshape(-1, 3, 3)
