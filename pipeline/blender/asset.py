@@ -1,0 +1,133 @@
+"""The asset: recovered mesh and material, the capture's camera, a light and a faint sky in one .blend."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..core.errors import LightsphereError
+from ..core.reflectance import Reflectance
+from ..core.shape import Shape
+from ..core.shape.mesh import Mesh
+from . import cycles
+from .camera import add_camera
+from .materials import surface_material
+from .meshes import add_mesh
+
+LONGER_SIDE = 720  # pixels of the picture that F12 makes
+SKY = (0.055, 0.06, 0.07)
+KEY = (-0.7, 0.75, 1.0)  # above the camera's left shoulder, in camera space
+FILL = (1.0, 0.1, 0.7)
+
+
+def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: str, overwrite: bool = False) -> None:
+    """Write an asset.blend that renders as it is opened; what is open in this Blender is replaced by it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    shape : Shape
+        Gives the camera and, where they are known, the errors against truth.
+    mesh : Mesh
+    reflectance : Reflectance
+    name : str
+        Of the object.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    LightsphereError
+        When the file exists and may not be replaced, or cannot be written.
+    """
+    if path.exists() and not overwrite:
+        raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    build(bpy.context.scene, shape, mesh, reflectance, name)
+    _look_through_camera()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with cycles.caught_output():
+            bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), copy=True, compress=True)
+    except RuntimeError as error:
+        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+
+
+def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: str) -> bpy.types.Object:
+    """Add the asset to a scene with camera, light, sky and render settings; return the recovered object."""
+    item = add_mesh(scene, name, mesh, surface_material(name, reflectance))
+    item["lightsphere_method"] = str(shape.notes.get("method", ""))
+    for key, value in _figures(shape).items():
+        item[key] = value
+    camera = add_camera(scene, shape.camera)
+    extent = float((mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)).max())
+    for light, direction, size, radiance in (("Key", KEY, 0.8, 1.0), ("Fill", FILL, 1.6, 0.12)):
+        add_light(scene, light, camera.matrix_world.to_3x3() @ Vector(direction), item.location, extent, size, radiance)
+    scene.world = sky()
+    width, height = shape.camera.resolution
+    scale = LONGER_SIDE / max(width, height)
+    scene.render.resolution_x, scene.render.resolution_y = round(width * scale), round(height * scale)
+    for key, value in {"samples": 64, "use_adaptive_sampling": True, "adaptive_threshold": 0.02}.items():
+        setattr(scene.cycles, key, value)
+    scene.render.engine = "CYCLES"
+    scene.view_settings.view_transform = "Standard"
+    return item
+
+
+def add_light(
+    scene: bpy.types.Scene, name: str, direction: Vector, target: Vector, extent: float, size: float, radiance: float
+) -> bpy.types.Object:
+    """Add a square area light that lights a white surface facing it to some radiance.
+
+    Parameters
+    ----------
+    direction : Vector
+        From the target to the light, world space.
+    target : Vector
+        What it points at [m].
+    extent : float
+        Size of the object [m]; the light stands 2.2 times as far away.
+    size : float
+        Side of the light in extents.
+    radiance : float
+        An area light of P watts gives an irradiance of P / (pi d^2) at the distance d along its axis,
+        and a white diffuse surface turns an irradiance E into a radiance E / pi.
+    """
+    distance = 2.2 * extent
+    data = bpy.data.lights.new(name, "AREA")
+    data.size = size * extent
+    data.energy = float(np.pi**2 * distance**2 * radiance)
+    lamp = bpy.data.objects.new(name, data)
+    lamp.location = target + distance * direction.normalized()
+    lamp.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
+    scene.collection.objects.link(lamp)
+    return lamp
+
+
+def sky() -> bpy.types.World:
+    """Make a faint, even sky."""
+    world = bpy.data.worlds.new("Faint sky")
+    world.use_nodes = True
+    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (*SKY, 1.0)
+    return world
+
+
+def _figures(shape: Shape) -> dict[str, float]:
+    errors: dict[str, Any] = shape.notes.get("errors", {})
+    return {key: float(value) for key, value in errors.items() if isinstance(value, int | float)}
+
+
+def _look_through_camera() -> None:
+    """Let every 3D view of the file show the asset through the camera with its material."""
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                view = area.spaces.active
+                view.region_3d.view_perspective = "CAMERA"
+                view.shading.type = "MATERIAL"
