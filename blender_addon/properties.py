@@ -1,0 +1,43 @@
+"""What a scene remembers: the settings of every stage and the folders of their results."""
+
+from typing import Any
+
+import bpy
+
+from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.shape.settings import ShapeSettings
+from . import settings
+
+LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture")
+LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
+
+
+class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
+    """Lightsphere's part of a scene."""
+
+    capture: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_capture)
+    shape: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_shape)
+    capture_folder: bpy.props.StringProperty(
+        name="Capture", description="Folder of the capture that the next stage opens", subtype="DIR_PATH"
+    )
+    shape_folder: bpy.props.StringProperty(
+        name="Shape", description="Folder of the shape that the next stage opens", subtype="DIR_PATH"
+    )
+
+
+CLASSES = (LIGHTSPHERE_PG_capture, LIGHTSPHERE_PG_shape, LIGHTSPHERE_PG_scene)
+
+
+def attach() -> None:
+    """Give every scene its settings."""
+    bpy.types.Scene.lightsphere = bpy.props.PointerProperty(type=LIGHTSPHERE_PG_scene)
+
+
+def detach() -> None:
+    """Take the settings away from the scenes."""
+    del bpy.types.Scene.lightsphere
+
+
+def of(scene: bpy.types.Scene) -> Any:
+    """Return a scene's settings."""
+    return scene.lightsphere

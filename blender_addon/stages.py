@@ -1,0 +1,219 @@
+"""What runs behind the buttons: one stage at a time, in a worker process, on a saved copy of the file."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import bpy
+
+from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.shape.settings import ShapeSettings
+from . import preferences, properties, results, settings, worker
+from .task import Task
+
+COMMAND = "command.json"  # in a result's folder: the words that make it, so that it can be continued
+SCENE_COPY = "scene.blend"
+
+running: Run | None = None
+
+
+class Stage:
+    """A stage as the add-on sees it: what it lacks to run, the words of its command, what its result brings."""
+
+    name: str
+    doing: str
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        """Return why the stage cannot run, empty when it can."""
+        raise NotImplementedError
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        """Return the command's words; the result goes into the folder."""
+        raise NotImplementedError
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        """Put the result into the scene; return what to tell the artist."""
+        raise NotImplementedError
+
+
+class Capture(Stage):
+    """Render the scene under one light at a time."""
+
+    name = "capture"
+    doing = "Capturing"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        if properties.of(scene).capture.rig == results.OWN_RIG and not results.rigs(scene):
+            return "The rig is the scene's own, and there is none: add one"
+        return lacks_rig(scene)
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        chosen = settings.values(properties.of(scene).capture, CaptureSettings)
+        copy = folder / SCENE_COPY
+        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, check_existing=False)
+        return ["capture", str(copy), "-o", str(folder), *settings.options(chosen)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        properties.of(scene).capture_folder = str(folder)
+        pictures = results.pictures(folder)
+        return f"{pictures} pictures in {folder}"
+
+
+class Shape(Stage):
+    """Recover depth and mesh from a capture."""
+
+    name = "shape"
+    doing = "Recovering the shape"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        folder = properties.of(scene).capture_folder
+        if not folder:
+            return "There is no capture yet: capture first, or choose a capture's folder"
+        return "" if results.finished(absolute(folder)) else "The folder holds no finished capture"
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        chosen = settings.values(properties.of(scene).shape, ShapeSettings)
+        capture = absolute(properties.of(scene).capture_folder)
+        return ["shape", str(capture), "-o", str(folder), *settings.options(chosen)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        properties.of(scene).shape_folder = str(folder)
+        return f"The mesh {results.mesh(scene, folder).name!r} is in the scene"
+
+
+class Material(Stage):
+    """Give the recovered shape a material that Cycles renders."""
+
+    name = "material"
+    doing = "Fitting the material"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        folder = properties.of(scene).shape_folder
+        if not folder:
+            return "There is no shape yet: recover it first, or choose a shape's folder"
+        return "" if (absolute(folder) / "shape.json").is_file() else "The folder holds no recovered shape"
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        return ["material", str(absolute(properties.of(scene).shape_folder)), "-o", str(folder / results.ASSET)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        return f"The asset {results.asset(scene, folder / results.ASSET).name!r} is in the scene"
+
+
+STAGES: dict[str, Stage] = {stage.name: stage for stage in (Capture(), Shape(), Material())}
+
+
+class Run:
+    """One run of a stage, driven by timer events or by waiting."""
+
+    def __init__(self, stage: Stage, scene: bpy.types.Scene, folder: Path | None = None) -> None:
+        """Start the stage; a folder is that of a stopped run, which is continued."""
+        global running
+        self.stage, self.scene_name = stage, scene.name
+        if folder is None:
+            self.folder = new_folder(stage.name)
+            words = stage.words(scene, self.folder)
+            (self.folder / COMMAND).write_text(json.dumps(words), encoding="utf-8")
+        else:
+            self.folder = folder
+            words = json.loads((folder / COMMAND).read_text(encoding="utf-8"))
+        self.task = Task(*worker.command_line(words))
+        running = self
+
+    def event(self, kind: str) -> str:
+        """Take a window event; return ``"running"``, ``"stopped"`` or ``"ended"``."""
+        if kind == "ESC":
+            self.stop()
+            return "stopped"
+        return "running" if self.task.poll() else "ended"
+
+    def wait(self) -> None:
+        """Wait for the end; an interrupt stops the worker and goes on to the caller."""
+        try:
+            while self.task.poll():
+                time.sleep(0.05)
+        except BaseException:
+            self.stop()
+            raise
+
+    def stop(self) -> None:
+        """Stop the worker; finished pictures are kept."""
+        self.task.stop()
+        self._over()
+
+    def bring(self) -> str:
+        """Put the ended run's result into its scene; raise LightsphereError when the worker failed."""
+        self._over()
+        if self.task.error:
+            raise LightsphereError(self.task.error)
+        return self.stage.bring(bpy.data.scenes[self.scene_name], self.folder)
+
+    @staticmethod
+    def _over() -> None:
+        global running
+        running = None
+
+
+def stop() -> None:
+    """Stop whatever runs."""
+    if running is not None:
+        running.stop()
+
+
+def lacks(name: str, scene: bpy.types.Scene) -> str:
+    """Return why a stage cannot start now, empty when it can."""
+    if running is not None:
+        return f"{running.stage.doing}: Esc stops it"
+    return STAGES[name].lacks(scene)
+
+
+def lacks_rig(scene: bpy.types.Scene) -> str:
+    """Return why no rig can stand in a scene, empty when it can."""
+    if scene.camera is None:
+        return "The scene has no camera"
+    if not any(item.type == "MESH" and not item.hide_render for item in scene.objects):
+        return "The scene has no mesh to capture"
+    return ""
+
+
+def absolute(folder: str) -> Path:
+    """Return a folder of the artist's as an absolute path."""
+    return Path(bpy.path.abspath(folder))
+
+
+def results_folder() -> Path:
+    """Return where results go: beside the saved file, else where the preferences say."""
+    if bpy.data.filepath:
+        return Path(bpy.data.filepath).with_suffix(".lightsphere")
+    return Path(preferences.results()) if preferences.results() else worker.user_folder("results")
+
+
+def new_folder(name: str) -> Path:
+    """Make the next free numbered folder for a stage's result: nothing is overwritten."""
+    number = 1
+    while True:
+        folder = results_folder() / f"{name}_{number:03d}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            number += 1
+        else:
+            return folder
+
+
+def stopped_capture() -> Path | None:
+    """Return the folder of the newest capture here when it was stopped before its end."""
+    folders = sorted(results_folder().glob("capture_*"))
+    if folders and (folders[-1] / COMMAND).is_file() and not results.finished(folders[-1]):
+        return folders[-1]
+    return None
+
+
+def told(task: Task) -> tuple[float, str]:
+    """Return the share of the work that is done and the words for it."""
+    share = task.done / task.total if task.total else 0.0
+    count = f" {task.done:g} of {task.total:g} {task.unit}" if task.total else ""
+    return share, f"{task.stage}{count}"

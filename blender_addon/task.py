@@ -1,0 +1,100 @@
+"""A stage in a worker process: started, asked how far it is, stopped. Knows nothing of Blender's window."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+POSIX = os.name == "posix"
+PATIENCE = 10.0  # [s] that a stopped worker has to finish the picture at hand
+
+
+class Task:
+    """A command that prints its progress as lines of JSON.
+
+    Attributes
+    ----------
+    stage, done, total, unit
+        The last step that it told.
+    error : str
+        Its last line on standard error, once it has ended with another status than 0.
+    """
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
+        self.stage, self.done, self.total, self.unit = "starting", 0.0, 0.0, ""
+        self.error = ""
+        self.stopped = False
+        self._log: list[str] = []
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._process = subprocess.Popen(
+            command,
+            env={**environment, "LIGHTSPHERE_PROGRESS": "json"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            errors="replace",
+            start_new_session=POSIX,
+        )
+        self._readers = [
+            threading.Thread(target=self._collect, args=(self._process.stdout, self._lines.put), daemon=True),
+            threading.Thread(target=self._collect, args=(self._process.stderr, self._log.append), daemon=True),
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def poll(self) -> bool:
+        """Take in what the worker has told since the last call; return whether it still runs."""
+        status = self._process.poll()
+        if status is not None:
+            for reader in self._readers:
+                reader.join()
+        while not self._lines.empty():
+            self._take(self._lines.get())
+        if status:
+            told = [line for line in self._log if line.strip()]
+            self.error = told[-1].removeprefix("lightsphere: ") if told else f"the worker ended with status {status}"
+        return status is None
+
+    def wait(self, seconds: float) -> bool:
+        """Wait for the worker's end, but no longer than this; return whether it still runs."""
+        try:
+            self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return True
+        return False
+
+    def stop(self) -> None:
+        """Ask the worker to stop as Ctrl-C does, so that what is finished is kept; insist when it does not."""
+        self.stopped = True
+        self._signal(signal.SIGINT)
+        if self.wait(PATIENCE):
+            self._signal(signal.SIGKILL if POSIX else signal.SIGTERM)
+            self._process.wait()
+        self.poll()
+
+    def _signal(self, number: int) -> None:
+        if self._process.poll() is not None:
+            return
+        if POSIX:
+            os.killpg(self._process.pid, number)
+        else:
+            self._process.terminate()
+
+    def _take(self, line: str) -> None:
+        if not line.startswith('{"stage"'):  # Cycles and Blender talk on the same stream
+            return
+        step = json.loads(line)
+        self.stage, self.done, self.total, self.unit = (step[name] for name in ("stage", "done", "total", "unit"))
+
+    @staticmethod
+    def _collect(stream: Any, take: Any) -> None:
+        with stream:
+            for line in stream:
+                take(line)

@@ -1,0 +1,34 @@
+"""How a worker process is started: which program, with which modules and caches."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from ..pipeline.blender import workers
+
+PACKAGE = __package__.removesuffix(".blender_addon")
+WITHOUT_BLENDER = ("shape",)  # stages that the solvers alone do
+
+
+def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the command and the environment that run ``lightsphere WORDS`` in a process of its own.
+
+    A stage that needs no Blender is run by Blender's Python, never by Blender: the OpenEXR package of the solvers
+    clashes with the library inside a Blender executable. Compiled kernels go where extensions may write.
+    """
+    command, environment = workers.command_line(*words)
+    if words[0] in WITHOUT_BLENDER:
+        command = [sys.executable, "-m", "pipeline", *words]
+        environment["PYTHONPATH"] = os.pathsep.join([str(workers.ROOT), *filter(None, sys.path)])
+    environment["NUMBA_CACHE_DIR"] = str(user_folder("kernels"))
+    return command, environment
+
+
+def user_folder(name: str) -> Path:
+    """Return a folder of this extension that Blender lets it write to, made if need be."""
+    return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=True))
