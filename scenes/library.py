@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from . import teapot
+from . import gourd, steps, teapot, thin
 
 SHADOW = "cast shadows"
 DIFFUSE = "diffuse interreflection"
@@ -28,4 +28,7 @@ SCENES: dict[str, Entry] = {
     "teapot-metal": Entry("rough metal teapot (GGX) on a disk", (SHADOW, DIFFUSE, GLOSSY), teapot.metal),
     "teapot-coat": Entry("half metallic teapot with a clear coat", (SHADOW, DIFFUSE, GLOSSY), teapot.coat),
     "teapot-beckmann": Entry("teapot of one Beckmann lobe", (SHADOW, DIFFUSE, GLOSSY), teapot.beckmann),
+    "gourd": Entry("gourd of three materials that blend", (SHADOW, DIFFUSE, GLOSSY), gourd.build),
+    "steps": Entry("stepped block with depth edges and a deep shaft", (SHADOW, DIFFUSE), steps.build),
+    "thin": Entry("thin plastic knot that shadows itself", (SHADOW, DIFFUSE, GLOSSY), thin.build),
 }

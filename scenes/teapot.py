@@ -17,10 +17,7 @@ def mesh() -> Mesh:
     profiles = (bezier(newell.LID, STEPS), bezier(newell.GAP, 2), bezier(newell.BODY, STEPS))
     parts = [lathe(profile, 10 * STEPS) for profile in profiles]
     parts += [mirrored_tube(newell.HANDLE, 2 * STEPS, 3 * STEPS), _spout()]
-    whole = sum(parts[1:], parts[0])
-    low, high = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
-    scale = DIAMETER / (high - low).max()
-    return Mesh((whole.vertices - (low + high) / 2) * scale, whole.faces)
+    return stage.centred(sum(parts[1:], parts[0]), DIAMETER)
 
 
 def _spout() -> Mesh:

@@ -6,8 +6,10 @@ Text holds one light a line, blank lines and ``#`` comments aside::
 
 X Y Z is a position [m], I a radiant intensity [W/sr]; in a .lp list the name must be there. A first line that is
 one number states how many lights follow. Where every light is at distance 1 from the origin and none has a surface,
-as in RTI's own lists, they are distant lights and X Y Z their directions. JSON holds a list of ``{"position": [X, Y, Z], "intensity": [R, G, B],
-"surface": "inner"}``, of which only the position is required; a ``capture.json`` can be given, too.
+as in RTI's own lists, they are distant lights and X Y Z their directions.
+
+JSON holds a list of ``{"position": [X, Y, Z], "intensity": [R, G, B], "surface": "inner"}``, of which only the
+position is required; a ``capture.json`` can be given, too.
 """
 
 from __future__ import annotations
