@@ -1,0 +1,44 @@
+"""`lightsphere shape`: depth, normals and confidence of every pixel from a capture."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..core.capture import Capture
+from ..core.compare import shape_errors
+from ..core.shape.double_sphere import recover
+from ..core.shape.mesh import relief
+from ..core.shape.ply import write_ply
+from ..core.shape.settings import ShapeSettings
+from .stage import Figures, JsonFile, run_with_bar, settings_options
+
+
+@settings_options(ShapeSettings)
+def shape(
+    capture: Annotated[Path, typer.Argument(help="folder of a capture under lights on two nested surfaces")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="folder of the shape")],
+    settings: ShapeSettings,
+    json: JsonFile = None,
+) -> None:
+    """Recover the depth of every pixel, for any BRDF, by double covering."""
+    opened = Capture.open(capture)
+    with Figures("shape", json) as figures:
+        start = time.perf_counter()
+        found = run_with_bar(recover(opened, settings))
+        figures.values["solve_seconds"] = time.perf_counter() - start
+        found.notes["settings"] = dataclasses.asdict(settings)
+        found.notes["capture"] = os.path.relpath(capture, output)
+        truth = opened.truth()
+        errors: dict[str, Any] = shape_errors(found, truth, opened.mask()) if truth is not None else {}
+        found.notes["errors"] = errors
+        found.save(output)
+        write_ply(output / "mesh.ply", relief(found))
+        figures.values.update(errors)
+        words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
+        figures.summary = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"

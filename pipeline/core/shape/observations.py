@@ -1,0 +1,158 @@
+"""The pictures of a capture rearranged by pixel: one row of cube roots per pixel, bad values left out."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Capture
+from ..errors import LightsphereError
+from ..progress import Progress, Work
+
+BAD_SHARE = 0.5  # a picture with more unusable pixels than this is damaged, not noisy
+CLIPPED_PIXELS = 4  # this many pixels with exactly the largest value of the capture are saturated, not bright
+DARK_DEVIATIONS = 3.0  # values below this many deviations of the noise floor count as unlit
+NOISE_SAMPLE = 3_000_000  # single colours looked at to estimate the noise floor
+SMALLEST = 1e-7  # values below this share of the largest count as unlit: the rounding of half floats
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What P pixels saw of L lights.
+
+    Parameters
+    ----------
+    values : (P, L) float32
+        Cube root of the picture's value over the light's intensity, mean of the colours; 0 where the pixel is unlit,
+        saturated or not a number.
+    floor : float
+        Standard deviation of the noise that does not depend on the value, in value over intensity.
+    clipped, bad : (P,) int32
+        How many of a pixel's values were saturated, and how many not numbers.
+    """
+
+    values: NDArray[np.float32]
+    floor: float
+    clipped: NDArray[np.int32]
+    bad: NDArray[np.int32]
+
+
+def observe(capture: Capture, mask: NDArray[np.bool_], memory: float) -> Work[Observations]:
+    """Read every picture once and rearrange it by pixel.
+
+    Parameters
+    ----------
+    capture : Capture
+    mask : (H, W) bool
+        The P pixels to keep.
+    memory : float
+        Above this many MB the values live in an unnamed file beside the system's temporary files.
+
+    Raises
+    ------
+    LightsphereError
+        When a picture is missing, damaged, or mostly not numbers.
+    """
+    pixels, lights = int(mask.sum()), len(capture)
+    values = _allocate(pixels, lights, memory)
+    largest = np.zeros(lights)
+    sample: list[NDArray[np.float32]] = []
+    stride = max(1, pixels * lights * 3 // NOISE_SAMPLE)
+    bad = np.zeros(pixels, np.int32)
+    for light in range(lights):
+        seen = capture.image(light)[mask]
+        usable = np.isfinite(seen).all(axis=1)
+        if not usable.mean() >= BAD_SHARE:
+            path = capture.folder / capture.files[light]
+            raise LightsphereError(
+                f"{path}: {100 * (1 - usable.mean()):.0f} % of the object's pixels are not numbers; render it again"
+            )
+        bad += ~usable
+        relative = _over_intensity(seen, capture.lights.intensity[light])
+        values[:, light] = np.where(usable, relative.mean(axis=1), -np.inf)
+        sample.append(relative[usable][::stride].ravel())
+        largest[light] = float(seen[usable].max())
+        yield Progress("read", light + 1, lights, "pictures")
+    clipped = yield from _drop_clipped(capture, mask, values, largest)
+    floor = noise_floor(np.concatenate(sample)) / np.sqrt(3.0)  # the mean of three colours
+    _to_roots(values, floor)
+    return Observations(values, floor, clipped, bad)
+
+
+def _allocate(pixels: int, lights: int, memory: float) -> NDArray[np.float32]:
+    if pixels * lights * 4 <= memory * 2**20:
+        return np.empty((pixels, lights), np.float32)
+    with tempfile.NamedTemporaryFile(prefix="lightsphere-", suffix=".f32") as file:
+        return np.memmap(Path(file.name), np.float32, "w+", shape=(pixels, lights))
+
+
+def _over_intensity(seen: NDArray[np.float32], intensity: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return value over intensity of the colours that the light has, (P, 1 to 3)."""
+    colours = np.flatnonzero(intensity > 0)
+    return np.asarray(seen[:, colours] / intensity[colours], np.float32)
+
+
+def _drop_clipped(
+    capture: Capture, mask: NDArray[np.bool_], values: NDArray[np.float32], largest: NDArray[np.float64]
+) -> Work[NDArray[np.int32]]:
+    """Mark saturated values as unusable; a capture is saturated where many pixels share its largest value exactly."""
+    clipped = np.zeros(len(values), np.int32)
+    limit = float(capture.notes.get("saturation", largest.max()))
+    lights = np.flatnonzero(largest >= limit)
+    found = []
+    for light in lights:
+        seen = capture.image(int(light))[mask]
+        found.append((light, (seen >= limit).any(axis=1)))
+        yield Progress("read", len(capture), len(capture), "pictures")
+    if "saturation" in capture.notes or sum(int(hit.sum()) for _, hit in found) >= CLIPPED_PIXELS:
+        for light, hit in found:
+            values[hit, light] = -np.inf
+            clipped += hit
+    return clipped
+
+
+def noise_floor(sample: NDArray[np.float32]) -> float:
+    """Estimate the standard deviation of the value-independent noise from the darkest values.
+
+    Parameters
+    ----------
+    sample : (N,) float32
+        Value over intensity of single colours; attached shadow makes a good part of them dark.
+
+    Returns
+    -------
+    floor : float
+        Where the values are quantised, step / sqrt(12). Otherwise from the negative values, or, where noise was cut
+        off at 0, from as many of the smallest positive values as there are zeros. 0 for pictures without such noise.
+
+    Not modelled: noise that differs between pictures.
+    """
+    if sample.size == 0:
+        return 0.0
+    usual = float(np.quantile(sample, 0.9))
+    positive = np.sort(sample[sample > 0]).astype(np.float64)
+    zeros = int((sample == 0).sum())
+    if positive.size == 0:
+        return 0.0
+    distinct = positive[np.flatnonzero(np.diff(positive, prepend=0.0) > 1e-4 * positive[0])]
+    if distinct.size < 0.02 * positive.size:
+        return float(np.min(np.diff(distinct, prepend=0.0)) / np.sqrt(12.0))
+    negative = -sample[sample < 0]
+    if negative.size > 0.02 * sample.size:
+        return 1.4826 * float(np.median(negative))
+    # As many values as were cut off lie above 0; in pictures without noise so few small ones spread out widely.
+    spread = 1.4826 * float(np.median(positive[: max(1, min(zeros, positive.size))]))
+    return spread if zeros > 0.05 * sample.size and spread < 0.02 * usual else 0.0
+
+
+def _to_roots(values: NDArray[np.float32], floor: float, rows: int = 8192) -> None:
+    """Turn values into cube roots in place, 0 where they are unlit or unusable."""
+    largest = max((float(values[i : i + rows].max()) for i in range(0, len(values), rows)), default=0.0)
+    lowest = max(DARK_DEVIATIONS * floor, SMALLEST * largest)
+    for start in range(0, len(values), rows):
+        part = values[start : start + rows]
+        part[:] = np.cbrt(np.where(part > lowest, part, 0.0))
