@@ -20,7 +20,7 @@ from ..core.capture_settings import CaptureSettings, PlanSettings
 from ..core.errors import LightsphereError
 from ..core.journal import Journal
 from ..core.progress import Progress, Work
-from . import cycles, exr, geometry, lamps, plan, rig, truth, workers
+from . import cycles, geometry, lamps, plan, rig, truth, workers
 from .camera import camera_of
 
 JOURNAL = "finished.sha256"
@@ -112,10 +112,7 @@ def render_lights(scene: bpy.types.Scene, capture: Capture, lights: Iterable[int
     ):
         for light in lights:
             lamps.shine(lamp, capture.lights, light)
-            path = capture.folder / capture.files[light]
-            partial = exr.partial_name(path)
-            cycles.render(scene, partial)
-            partial.replace(path)
+            cycles.render(scene, capture.folder / capture.files[light])
             yield light
 
 

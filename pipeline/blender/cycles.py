@@ -200,25 +200,27 @@ def meshes_cached(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def render(scene: bpy.types.Scene, path: Path) -> None:
-    """Render the scene to a file.
+    """Render the scene to a file that is whole or not there.
 
     Raises
     ------
     LightsphereError
-        When the file cannot be written whole; nothing of it is left then.
+        When the file cannot be written.
     """
-    scene.render.filepath = str(path)
+    partial = exr.partial_name(path)
+    scene.render.filepath = str(partial)
     with caught_output() as output:
         try:
             bpy.ops.render.render(write_still=True, scene=scene.name)
-            exr.finish(path)
+            exr.finish(partial)
+            partial.replace(path)
         except (RuntimeError, OSError, struct.error, LookupError, ValueError) as error:
-            path.unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
             output.seek(0)
             lines = [line for line in output.read().decode(errors="replace").splitlines() if "ERROR" in line.upper()]
             reason = " ".join(str(lines[-1] if lines else error).split())
             raise LightsphereError(
-                f"{path.parent} cannot take another picture ({reason}); free space, then run again to continue"
+                f"{path} cannot be written ({reason}); free space, then run again to continue"
             ) from error
 
 

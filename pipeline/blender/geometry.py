@@ -49,8 +49,8 @@ def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]
     if len(inside):
         x, y, z = positions[inside[0]]
         raise LightsphereError(
-            f"light {inside[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object, and {len(inside) - 1} more; "
-            "enlarge the rig or move those lights"
+            f"light {inside[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object, as {len(inside)} of "
+            f"{len(positions)} lights are; enlarge the rig or move them"
         )
 
 

@@ -33,7 +33,7 @@ def load(name: str) -> bpy.types.Scene:
     if not path.is_file():
         raise LightsphereError(f"{path} does not exist; give a .blend file or one of {', '.join(scenes)}")
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
+        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False, use_scripts=False)
     except RuntimeError as error:
         raise LightsphereError(f"{path} cannot be opened ({error}); save it again with this Blender") from error
     return bpy.context.scene

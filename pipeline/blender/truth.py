@@ -65,7 +65,7 @@ def _depth(position: NDArray[Any], camera: Camera) -> NDArray[np.float64]:
 
 
 def _render(scene: bpy.types.Scene, resolution: int, folder: Path) -> dict[str, NDArray[Any]]:
-    path = exr.partial_name(folder / "passes.exr")
+    path = exr.partial_name(folder / "passes.exr")  # a killed run's is removed with its other partial files
     layer = scene.view_layers[0]
     with (
         cycles.measuring(scene, resolution, cycles.DIRECT),
