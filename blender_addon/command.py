@@ -29,7 +29,7 @@ def run(words: Sequence[str]) -> int:
     if words and words[0] in worker.WITHOUT_BLENDER:
         command, environment = worker.command_line(words)
         return subprocess.call(command, env=environment)
-    os.environ["NUMBA_CACHE_DIR"] = str(worker.user_folder("kernels"))
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(worker.user_folder("kernels")))
     from ..pipeline import cli
 
     return cli.main(words)

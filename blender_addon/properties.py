@@ -8,6 +8,8 @@ from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import settings
 
+RELATIVE = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}}
+
 LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture")
 LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
 
@@ -18,10 +20,10 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
     capture: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_capture)
     shape: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_shape)
     capture_folder: bpy.props.StringProperty(
-        name="Capture", description="Folder of the capture that the next stage opens", subtype="DIR_PATH"
+        name="Capture", description="Folder of the capture that the next stage opens", subtype="DIR_PATH", **RELATIVE
     )
     shape_folder: bpy.props.StringProperty(
-        name="Shape", description="Folder of the shape that the next stage opens", subtype="DIR_PATH"
+        name="Shape", description="Folder of the shape that the next stage opens", subtype="DIR_PATH", **RELATIVE
     )
 
 

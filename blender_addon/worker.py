@@ -25,7 +25,7 @@ def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     if words[0] in WITHOUT_BLENDER:
         command = [sys.executable, "-m", "pipeline", *words]
         environment["PYTHONPATH"] = os.pathsep.join([str(workers.ROOT), *filter(None, sys.path)])
-    environment["NUMBA_CACHE_DIR"] = str(user_folder("kernels"))
+    environment.setdefault("NUMBA_CACHE_DIR", str(user_folder("kernels")))
     return command, environment
 
 

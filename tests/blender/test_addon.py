@@ -1,0 +1,239 @@
+"""The add-on in Blender without a window: what it registers, its settings, and every stage by its operator."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+import typer.main
+
+from pipeline import cli
+from pipeline.core.capture_settings import CaptureSettings
+from pipeline.core.errors import LightsphereError
+from pipeline.core.settings import limits_of
+from pipeline.core.shape.settings import ShapeSettings
+
+# isort: split
+import addon_utils  # Blender's own, there once bpy is imported
+
+MODULE = "bl_ext.user_default.lightsphere"
+SETTINGS = {"capture": CaptureSettings, "shape": ShapeSettings}
+
+
+def part(name: str) -> Any:
+    """Return a module of the add-on as Blender loaded it."""
+    return importlib.import_module(f"{MODULE}.blender_addon.{name}")
+
+
+def registered() -> set[str]:
+    """Return the names of everything that an add-on can leave in Blender."""
+    kinds = {name for name in dir(bpy.types) if "lightsphere" in name.lower()}
+    owners = (bpy.types.Scene, bpy.types.WindowManager, bpy.types.Object, bpy.types.World)
+    attributes = {f"{owner.__name__}.{name}" for owner in owners for name in dir(owner) if "lightsphere" in name}
+    handlers = {
+        f"{name}[{i}] {handler.__module__}"
+        for name in dir(bpy.app.handlers)
+        if isinstance(listed := getattr(bpy.app.handlers, name), list)
+        for i, handler in enumerate(listed)
+    }
+    operators = {f"ops.{name}" for name in dir(bpy.ops.lightsphere)}
+    menus = {
+        f"{name}: {draw.__module__}"
+        for name in dir(bpy.types)
+        for draw in getattr(getattr(getattr(bpy.types, name), "draw", None), "_draw_funcs", [])
+    }
+    return kinds | attributes | handlers | operators | menus
+
+
+@pytest.fixture(scope="module")
+def addon() -> Iterator[None]:
+    """Enable the add-on for this file."""
+    assert addon_utils.enable(MODULE) is not None
+    yield
+    addon_utils.disable(MODULE)
+
+
+@pytest.fixture
+def scene(addon: None, tmp_path: Path) -> bpy.types.Scene:
+    """Open a file with a sphere before a camera, saved, and settings for a small capture."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=32, ring_count=16, radius=1.0)
+    bpy.ops.object.camera_add(location=(0, -5, 0), rotation=(1.5707963, 0, 0))
+    scene.camera = bpy.context.object
+    for name, value in {"inner": 40, "outer": 20, "resolution": 24, "effects": "direct", "workers": 1}.items():
+        setattr(scene.lightsphere.capture, name, value)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
+    return scene
+
+
+def test_it_takes_everything_back() -> None:
+    before = registered()
+    addon_utils.enable(MODULE)
+    added = registered() - before
+    addon_utils.disable(MODULE)
+    assert {"Scene.lightsphere", "LIGHTSPHERE_OT_capture", "LIGHTSPHERE_PT_shape"} <= added
+    assert registered() == before
+
+
+@pytest.mark.parametrize("stage", SETTINGS)
+def test_panel_command_line_and_dataclass_agree(addon: None, stage: str) -> None:
+    shown = getattr(bpy.context.scene.lightsphere, stage).bl_rna.properties
+    options = {option.name: option for option in typer.main.get_command(cli.app).commands[stage].params}
+    fields = dataclasses.fields(SETTINGS[stage])
+    assert {item.name for item in fields} == set(shown.keys()) - {"rna_type", "name"}
+    for item in fields:
+        limits, prop = limits_of(item), shown[item.name]
+        assert options[item.name].default == item.default
+        assert f"--{item.name.replace('_', '-')}" in options[item.name].opts
+        assert limits.help in options[item.name].help
+        assert prop.description.lower().startswith(limits.help.lower())
+        assert prop.default == (pytest.approx(item.default) if isinstance(item.default, float) else item.default)
+        if limits.low is not None:
+            assert prop.hard_min == pytest.approx(limits.low)
+        if limits.high is not None:
+            assert prop.hard_max == pytest.approx(limits.high)
+        if limits.choices:
+            assert tuple(prop.enum_items.keys()) == limits.choices
+
+
+@pytest.mark.parametrize("stage", SETTINGS)
+def test_what_the_panel_shows_is_what_the_command_gets(addon: None, stage: str) -> None:
+    shown = getattr(bpy.context.scene.lightsphere, stage)
+    for item in dataclasses.fields(SETTINGS[stage]):
+        if isinstance(item.default, bool):
+            setattr(shown, item.name, not item.default)
+        elif isinstance(item.default, int | float):
+            setattr(shown, item.name, item.default + 1)
+    settings = part("settings").values(shown, SETTINGS[stage])
+    words = part("settings").options(settings)
+    arguments = [stage, "IN", "-o", "OUT", *words]
+    context = typer.main.get_command(cli.app).make_context("lightsphere", arguments[:1], resilient_parsing=True)
+    command = context.command.commands[stage]
+    parsed = command.make_context(stage, arguments[1:], parent=context).params
+    for item in dataclasses.fields(SETTINGS[stage]):
+        assert parsed[item.name] == getattr(settings, item.name), item.name
+
+
+def test_values_out_of_their_limits_cannot_be_shown(addon: None) -> None:
+    capture = bpy.context.scene.lightsphere.capture
+    capture.inner = 1
+    assert capture.inner == limits_of(dataclasses.fields(CaptureSettings)[1]).low
+
+
+def test_a_button_that_cannot_run_says_why(scene: bpy.types.Scene) -> None:
+    lacks = part("stages").lacks
+    assert lacks("capture", scene) == ""
+    assert "no capture yet" in lacks("shape", scene)
+    assert "no shape yet" in lacks("material", scene)
+    assert not bpy.ops.lightsphere.shape.poll()
+    scene.lightsphere.capture_folder = "//nowhere"
+    assert "no finished capture" in lacks("shape", scene)
+    scene.lightsphere.capture.rig = "scene"
+    assert "add one" in lacks("capture", scene)
+    scene.camera = None
+    scene.lightsphere.capture.rig = "double-sphere"
+    assert "no camera" in lacks("capture", scene)
+    with pytest.raises(RuntimeError, match="no camera"):
+        bpy.ops.lightsphere.capture()
+
+
+def test_the_rig_is_one_undo_step(scene: bpy.types.Scene) -> None:
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.lightsphere.add_rig("EXEC_DEFAULT", True) == {"FINISHED"}  # with undo, as a button does
+    assert len(part("results").rigs(bpy.context.scene)) == 1
+    assert bpy.context.scene.lightsphere.capture.rig == "scene"
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.ed.undo()
+    assert part("results").rigs(bpy.context.scene) == []
+    assert bpy.context.scene.lightsphere.capture.rig == "double-sphere"
+
+
+def test_a_rig_that_cannot_stand_is_refused(scene: bpy.types.Scene) -> None:
+    scene.lightsphere.capture.radius_inner = 0.5
+    with pytest.raises(RuntimeError, match="inside"):
+        bpy.ops.lightsphere.add_rig()
+    assert part("results").rigs(scene) == []
+
+
+def test_from_rig_to_asset(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    before = (tmp_path / "work.blend").read_bytes()
+    assert bpy.ops.lightsphere.add_rig() == {"FINISHED"}
+    assert bpy.ops.lightsphere.capture() == {"FINISHED"}
+    folder = tmp_path / "work.lightsphere" / "capture_001"
+    assert Path(scene.lightsphere.capture_folder) == folder
+    assert bpy.data.images["capture_001"].source == "SEQUENCE"
+    assert bpy.ops.lightsphere.shape() == {"FINISHED"}
+    recovered = scene.objects["shape_001"]
+    assert len(recovered.data.polygons) > 50
+    # The front of the unit sphere at the origin, seen from -y.
+    distance = [(recovered.matrix_world @ vertex.co).length for vertex in recovered.data.vertices]
+    assert abs(sorted(distance)[len(distance) // 2] - 1) < 0.02
+    assert bpy.ops.lightsphere.material() == {"FINISHED"}
+    asset = scene.objects["Recovered"]
+    assert asset.data.uv_layers and asset.active_material.node_tree.nodes
+    assert len([item for item in scene.objects if item.type == "CAMERA"]) == 1
+    assert bpy.ops.lightsphere.capture() == {"FINISHED"}  # once more: beside the first, not over it
+    assert Path(scene.lightsphere.capture_folder).name == "capture_002"
+    assert (folder / "capture.json").is_file()
+    assert (tmp_path / "work.blend").read_bytes() == before
+
+
+def test_escape_keeps_what_is_finished_and_the_button_continues(scene: bpy.types.Scene) -> None:
+    stages = part("stages")
+    scene.lightsphere.capture.inner, scene.lightsphere.capture.resolution = 200, 100
+    run = stages.Run(stages.STAGES["capture"], scene)
+    assert "Esc" in stages.lacks("shape", scene)
+    deadline = time.monotonic() + 60
+    while not (run.task.stage == "render" and run.task.done >= 3):
+        assert run.event("TIMER") == "running" and time.monotonic() < deadline
+        time.sleep(0.01)
+    assert run.event("ESC") == "stopped"
+    assert stages.running is None
+    pictures = {path: path.stat().st_mtime_ns for path in run.folder.glob("light_*.exr")}
+    assert 3 <= len(pictures) < 220
+    assert stages.stopped_capture() == run.folder
+    assert bpy.ops.lightsphere.capture(resume=True) == {"FINISHED"}
+    assert stages.stopped_capture() is None
+    assert len(list(run.folder.glob("light_*.exr"))) == 220
+    assert all(path.stat().st_mtime_ns == written for path, written in pictures.items())
+
+
+def test_the_worker_s_complaint_reaches_the_artist(scene: bpy.types.Scene) -> None:
+    scene.lightsphere.capture.radius_inner = 0.5
+    with pytest.raises(RuntimeError, match="inside"):
+        bpy.ops.lightsphere.capture()
+    assert part("stages").running is None
+
+
+def test_a_damaged_picture_is_named(scene: bpy.types.Scene) -> None:
+    bpy.ops.lightsphere.capture()
+    victim = Path(scene.lightsphere.capture_folder) / "light_0007.exr"
+    victim.write_bytes(victim.read_bytes()[:100])
+    with pytest.raises(RuntimeError, match=r"light_0007\.exr"):
+        bpy.ops.lightsphere.shape()
+
+
+def test_closing_the_add_on_stops_the_worker(scene: bpy.types.Scene) -> None:
+    stages = part("stages")
+    run = stages.Run(stages.STAGES["capture"], scene)
+    addon_utils.disable(MODULE)
+    assert not run.task.poll() and run.task.stopped
+    addon_utils.enable(MODULE)
+
+
+def test_the_words_of_a_run_are_kept_with_its_result(scene: bpy.types.Scene) -> None:
+    stages = part("stages")
+    run = stages.Run(stages.STAGES["capture"], scene)
+    run.stop()
+    words = json.loads((run.folder / stages.COMMAND).read_text())
+    assert words[0] == "capture" and "--inner=40" in words
+    with pytest.raises(LightsphereError.__mro__[1]):
+        run.bring()
