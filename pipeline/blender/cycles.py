@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import LightsphereError
-from . import exr
+from . import exr, interrupts
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def render(scene: bpy.types.Scene, path: Path) -> None:
     """
     partial = exr.partial_name(path)
     scene.render.filepath = str(partial)
-    with caught_output() as output:
+    with interrupts.deferred(), caught_output() as output:
         try:
             bpy.ops.render.render(write_still=True, scene=scene.name)
             exr.finish(partial)
