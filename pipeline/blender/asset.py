@@ -20,8 +20,8 @@ from .meshes import add_mesh
 
 LONGER_SIDE = 720  # pixels of the picture that F12 makes
 SKY = (0.055, 0.06, 0.07)
-KEY = (-0.7, 0.75, 1.0)  # above the camera's left shoulder, in camera space
-FILL = (1.0, 0.1, 0.7)
+#: Name, direction in camera space, side in extents of the object, radiance of a white surface that faces it.
+STUDIO = (("Key", (-0.7, 0.75, 1.0), 0.8, 1.0), ("Fill", (1.0, 0.1, 0.7), 1.6, 0.12))
 
 
 def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: str, overwrite: bool = False) -> None:
@@ -66,7 +66,7 @@ def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflect
         item[key] = value
     camera = add_camera(scene, shape.camera)
     extent = float((mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)).max())
-    for light, direction, size, radiance in (("Key", KEY, 0.8, 1.0), ("Fill", FILL, 1.6, 0.12)):
+    for light, direction, size, radiance in STUDIO:
         add_light(scene, light, camera.matrix_world.to_3x3() @ Vector(direction), item.location, extent, size, radiance)
     scene.world = sky()
     width, height = shape.camera.resolution

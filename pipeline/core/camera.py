@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,6 +70,25 @@ class Camera:
     def normals_to_camera(self, world_normals: NDArray[Any]) -> NDArray[np.float64]:
         """Rotate world-space normals (..., 3) to camera space."""
         return np.asarray(world_normals, np.float64) @ self.to_world[:3, :3]
+
+    def orbited(self, centre: NDArray[Any], degrees: float) -> Camera:
+        """Return the camera turned about the vertical line (world z) through a point, to the right for degrees > 0."""
+        angle = np.radians(degrees)
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        there, back = np.eye(4), np.eye(4)
+        there[:3, 3], back[:3, 3] = -np.asarray(centre), centre
+        return dataclasses.replace(self, to_world=back @ turn @ there @ self.to_world)
+
+    def resized(self, width: int) -> Camera:
+        """Return the camera with the same view in pictures of another width [px]."""
+        factor = width / self.resolution[0]
+        return dataclasses.replace(
+            self,
+            resolution=(width, round(self.resolution[1] * factor)),
+            focal=(self.focal[0] * factor, self.focal[1] * factor),
+            centre=(self.centre[0] * factor, self.centre[1] * factor),
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return the camera as plain JSON values."""

@@ -1,0 +1,90 @@
+"""Pictures for people: a scene from a new view, the true object or the recovered one in its place."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+from numpy.typing import NDArray
+
+from ..core.camera import Camera
+from ..core.lights import Lights
+from ..core.progress import Progress, Work
+from ..core.reflectance import Reflectance
+from ..core.shape.mesh import Mesh
+from . import asset, cycles, exr, lamps
+from .camera import add_camera
+from .geometry import BACKDROP
+from .materials import surface_material
+from .meshes import add_mesh
+
+STUDIO = {"filter_width": 1.5, "use_denoising": False, "use_adaptive_sampling": False, "device": "CPU"}
+
+
+def exchange(scene: bpy.types.Scene, mesh: Mesh, reflectance: Reflectance) -> bpy.types.Object:
+    """Put the recovered object in the place of the scene's own, which is hidden; its surroundings stay."""
+    for item in scene.objects:
+        if item.type == "MESH" and not item.get(BACKDROP):
+            item.hide_render = True
+    return add_mesh(scene, "Recovered", mesh, surface_material("Recovered", reflectance))
+
+
+def light_studio(scene: bpy.types.Scene, camera: Camera, centre: NDArray[np.float64], extent: float) -> None:
+    """Replace the scene's light by the asset's: two area lights that stand as a camera sees them, and a faint sky."""
+    for item in scene.objects:
+        if item.type == "LIGHT":
+            item.hide_render = True
+    rotation = camera.to_world[:3, :3]
+    for name, direction, size, radiance in asset.STUDIO:
+        towards = Vector(rotation @ np.array(direction))
+        asset.add_light(scene, name, towards, Vector(centre), extent, size, radiance)
+    scene.world = asset.sky()
+
+
+def picture(scene: bpy.types.Scene, camera: Camera, passes: int, samples: int) -> Work[NDArray[np.float32]]:
+    """Render a scene as it is lit from a camera, in passes that are averaged, so that progress can be told.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Linear radiance.
+    """
+    add_camera(scene, camera)
+    width, height = camera.resolution
+    size = {"engine": "CYCLES", "resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+    size |= {"use_file_extension": False, "film_transparent": False, "use_persistent_data": True}
+    total = np.zeros((height, width, 3))
+    with tempfile.TemporaryDirectory() as folder, cycles.changed(scene.render, size), cycles.openexr(scene):
+        path = Path(folder) / "view.exr"
+        for number in range(passes):
+            with cycles.changed(scene.cycles, STUDIO | {"samples": samples, "seed": number}):
+                cycles.render(scene, path)
+            channels = exr.read(path)
+            total += np.stack([channels[letter] for letter in "RGB"], axis=-1)
+            yield Progress("render", number + 1, passes, "passes")
+    return (total / passes).astype(np.float32)
+
+
+def under_lights(scene: bpy.types.Scene, camera: Camera, lights: Lights) -> Work[NDArray[np.float32]]:
+    """Render direct light from one point light at a time as a capture does, (L, H, W, 3)."""
+    add_camera(scene, camera)
+    pictures = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        cycles.measuring(scene, camera.resolution[0], cycles.DIRECT),
+        cycles.openexr(scene),
+        cycles.own_lights_hidden(scene),
+        cycles.meshes_cached(scene),
+        lamps.lamp(scene, lights.kind) as lamp,
+    ):
+        path = Path(folder) / "light.exr"
+        for index in range(len(lights)):
+            lamps.shine(lamp, lights, index)
+            cycles.render(scene, path)
+            channels = exr.read(path)
+            pictures.append(np.stack([channels[letter] for letter in "RGB"], axis=-1))
+            yield Progress("render", index + 1, len(lights), "pictures")
+    return np.stack(pictures)
