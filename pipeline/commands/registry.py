@@ -5,15 +5,19 @@ from __future__ import annotations
 import typer
 
 from .capture import capture, capture_worker
+from .compare import compare
+from .demo import demo
 from .material import material
 from .plan import plan
 from .reflectance import reflectance
 from .scenes import scenes
 from .shape import shape
+from .tradeoff import tradeoff
 
 
 def add_commands(app: typer.Typer) -> None:
     """Register every command with the application."""
+    app.command()(demo)
     app.command()(scenes)
     app.command()(plan)
     app.command()(capture)
@@ -21,3 +25,5 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(shape)
     app.command()(reflectance)
     app.command()(material)
+    app.command()(compare)
+    app.command()(tradeoff)

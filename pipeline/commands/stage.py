@@ -74,8 +74,10 @@ def settings_options(settings_type: type[Any]) -> Callable[[Callable[..., None]]
     return decorate
 
 
-def run_with_bar(work: Work[Result]) -> Result:
+def run_with_bar(work: Work[Result], one_bar: bool = False) -> Result:
     """Run long work with a bar, rate and time left on a terminal; silently where there is none.
+
+    Every stage of the work has a bar of its own, or all share one that names the stage at hand.
 
     With the environment variable ``LIGHTSPHERE_PROGRESS=json`` every step is one line of JSON on standard
     output instead: how a worker process tells Blender's window how far it is.
@@ -93,9 +95,10 @@ def run_with_bar(work: Work[Result]) -> Result:
         tasks: dict[str, Any] = {}
 
         def report(step: Progress) -> None:
-            if step.stage not in tasks:
-                tasks[step.stage] = bar.add_task(step.stage, total=step.total, unit=step.unit)
-            bar.update(tasks[step.stage], completed=step.done, total=step.total)
+            key = "" if one_bar else step.stage
+            if key not in tasks:
+                tasks[key] = bar.add_task(step.stage, total=step.total, unit=step.unit)
+            bar.update(tasks[key], completed=step.done, total=step.total, description=step.stage)
 
         return finish(work, report)
 

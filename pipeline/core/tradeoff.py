@@ -80,7 +80,7 @@ def try_variants(capture: Capture, variants: Sequence[Variant]) -> Work[list[tup
         In the order of the variants.
     """
     total = float(sum(v.inner + v.outer for v in variants))
-    for _ in recover(thinned(capture, 12, 8), variants[0].settings):
+    for _ in recover(thinned(capture, 40, 20), variants[0].settings):
         yield Progress("warm up", 0.0, total, "lights")
     found = []
     done = 0.0

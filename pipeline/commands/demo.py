@@ -1,0 +1,50 @@
+"""`lightsphere demo`: the whole path on a built-in scene, from nothing to an asset and a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..core.settings import setting
+from .stage import Figures, JsonFile, run_with_bar, settings_options
+
+
+@dataclass(frozen=True)
+class DemoSettings:
+    """What the demo can be told; a folder is continued with the same settings only."""
+
+    scene: str = setting("teapot-plastic", "a built-in scene, see lightsphere scenes")
+    resolution: int = setting(128, "width and height of the pictures", unit="px", low=32, high=1024)
+    inner: int = setting(320, "lights on the inner sphere", low=32, high=10_000)
+    outer: int = setting(80, "lights on the outer sphere", low=32, high=10_000)
+    effects: str = setting(
+        "direct",
+        "light transport of the capture; what the others would add is measured and reported: "
+        "direct (no noise, seconds) or",
+        choices=("direct", "auto", "full"),
+    )
+
+
+@settings_options(DemoSettings)
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="folder of the results")],
+    settings: DemoSettings,
+    json: JsonFile = None,
+) -> None:
+    """Capture a scene, recover shape and material, and write asset.blend, report.html, metrics.json and teaser.png.
+
+    Run it again to continue an interrupted one.
+    """
+    from .demo_stages import Demo
+
+    with Figures("demo", json) as figures:
+        run = Demo(output, settings)
+        run_with_bar(run.work(), one_bar=True)
+        figures.values.update(run.metrics())
+        figures.summary = (
+            f"depth {figures.values['depth_median_pct']:.2g} %, normals {figures.values['normal_mae_deg']:.2g} deg; "
+            f"open {output / 'report.html'} and {output / 'asset.blend'}"
+        )

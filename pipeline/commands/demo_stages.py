@@ -1,0 +1,281 @@
+"""The stages of a demo: each keeps its results in the output folder, so that a second run continues."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core import images
+from ..core.camera import Camera
+from ..core.capture import Capture
+from ..core.capture_settings import CaptureSettings, PlanSettings
+from ..core.compare import relative_rmse
+from ..core.errors import LightsphereError
+from ..core.lights import Lights
+from ..core.progress import Progress, Work
+from ..core.reflectance import Reflectance, ReflectanceSettings
+from ..core.rig import sphere
+from ..core.shape import Shape
+from ..core.shape.mesh import relief
+from ..core.shape.ply import write_ply
+from ..core.shape.settings import ShapeSettings
+from ..core.tradeoff import Trial, light_counts, try_variants
+
+RECORD = "demo.json"
+NEW_VIEW_DEGREES = 32.0
+VIEW_PIXELS = 480
+VIEW_PASSES, VIEW_SAMPLES = 6, 8
+NEW_LAMPS = 16
+FRACTIONS = (0.25, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the demo.
+
+    Parameters
+    ----------
+    name : str
+        As it is recorded and shown.
+    seconds : float
+        Expected on two processor cores; the bar's length is the sum.
+    phases : dict of str to float
+        The work's own stages in order, and what share of the time each takes.
+    products : tuple of str
+        Files in the output folder without which the stage is not done.
+    work : callable
+    """
+
+    name: str
+    seconds: float
+    phases: dict[str, float]
+    products: tuple[str, ...]
+    work: Callable[[], Work[None]]
+
+
+class Demo:
+    """The demo in one output folder.
+
+    Raises
+    ------
+    LightsphereError
+        When the folder holds a demo of other settings, or an asset that somebody changed.
+    """
+
+    def __init__(self, folder: Path, settings: Any) -> None:
+        self.folder = folder
+        self.settings = settings
+        self.scene = settings.scene
+        wanted = dataclasses.asdict(settings)
+        self.record: dict[str, Any] = {"settings": wanted, "seconds": {}}
+        if (folder / RECORD).is_file():
+            self.record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+            if self.record["settings"] != wanted:
+                raise LightsphereError(f"{folder} holds a demo with other settings; choose another folder or delete it")
+
+    def stages(self) -> list[Stage]:
+        """Return the stages in order with the time each is expected to take."""
+        s = self.settings
+        pixels, lights = (s.resolution / 128) ** 2, (s.inner + s.outer) / 400
+        rendering = (3 + 5 * pixels) * (1 if s.effects == "direct" else 20) * lights
+        return [
+            Stage("plan", 6, {"plan": 1}, ("effects.json",), self._plan),
+            Stage("capture", rendering, {"plan": 0.1, "render": 0.9}, ("capture/capture.json",), self._capture),
+            Stage("shape", 24 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
+            Stage("material", 3, {"reflectance": 0.4}, ("asset.blend", "reflectance/reflectance.json"), self._material),
+            Stage("views", 16, {"relight": 0.2, "true": 0.4, "asset": 0.4}, ("views/asset.exr",), self._views),
+            Stage("report", 5, {"report": 1}, ("report.html", "metrics.json", "teaser.png"), self._report),
+        ]
+
+    def work(self) -> Work[None]:
+        """Run what is not done yet.
+
+        Yields
+        ------
+        Progress in per cent of the expected time of what is left.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        stages = self.stages()
+        first = next((i for i, stage in enumerate(stages) if not self._finished(stage)), len(stages))
+        for stage in stages[first:]:
+            self.record["seconds"].pop(stage.name, None)
+        total = sum(stage.seconds for stage in stages[first:])
+        before = 0.0
+        for stage in stages[first:]:
+            start = time.perf_counter()
+            yield Progress(stage.name, 100 * before / total, 100, "%")
+            for share in _shares(stage):
+                yield Progress(stage.name, 100 * (before + share * stage.seconds) / total, 100, "%")
+            before += stage.seconds
+            self.record["seconds"][stage.name] = time.perf_counter() - start
+            images.write_text(self.folder / RECORD, json.dumps(self.record, indent=1))
+
+    def metrics(self) -> dict[str, Any]:
+        """Return what metrics.json holds."""
+        value: dict[str, Any] = json.loads((self.folder / "metrics.json").read_text(encoding="utf-8"))
+        return value
+
+    def _finished(self, stage: Stage) -> bool:
+        return stage.name in self.record["seconds"] and all((self.folder / name).is_file() for name in stage.products)
+
+    def _plan(self) -> Work[None]:
+        from ..blender import capture, plan, scene
+
+        loaded = scene.load(self.scene)
+        wanted = self._capture_settings()
+        described = capture.describe(loaded, self.scene, self.folder / "capture", wanted)
+        found = yield from plan.decide(loaded, described, "auto", wanted.samples, PlanSettings())
+        effects = [dataclasses.asdict(effect) for effect in found.effects]
+        images.write_text(self.folder / "effects.json", json.dumps(effects, indent=1))
+
+    def _capture(self) -> Work[None]:
+        from ..blender import capture, scene
+
+        folder = self.folder / "capture"
+        yield from capture.capture(scene.load(self.scene), self.scene, folder, self._capture_settings())
+
+    def _shape(self) -> Work[None]:
+        capture = self._opened_capture()
+        trials = yield from try_variants(capture, light_counts(capture, FRACTIONS, ShapeSettings()))
+        rows = [dataclasses.asdict(trial) for trial, _ in trials]
+        images.write_text(self.folder / "tradeoff.json", json.dumps(rows, indent=1))
+        trial, shape = trials[-1]
+        notes = {"capture": "../capture", "errors": trial.errors, "seconds": trial.seconds}
+        shape = dataclasses.replace(shape, notes=shape.notes | notes)
+        write_ply(self._made("shape") / "mesh.ply", relief(shape))
+        shape.save(self.folder / "shape")
+
+    def _material(self) -> Work[None]:
+        from ..blender import asset
+        from ..core.reflectance.fit import fit
+
+        path = self.folder / "asset.blend"
+        if path.is_file() and images.checksum(path) != self.record.get("asset_sha256"):
+            raise LightsphereError(f"{path} was changed since the demo wrote it; move it to keep it, or delete it")
+        shape = Shape.open(self.folder / "shape")
+        found = yield from fit(shape, self._opened_capture(), ReflectanceSettings())
+        found.save(self.folder / "reflectance")
+        asset.write(path, shape, relief(shape), found, self.scene, overwrite=True)
+        self.record["asset_sha256"] = images.checksum(path)
+
+    def _views(self) -> Work[None]:
+        from ..blender import scene, views
+
+        capture, shape = self._opened_capture(), Shape.open(self.folder / "shape")
+        mesh = relief(shape)
+        reflectance = Reflectance.open(self.folder / "reflectance")
+        centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+        camera = capture.camera.orbited(centre, NEW_VIEW_DEGREES).resized(VIEW_PIXELS)
+        lamps = new_lamps(capture)
+        folder = self._made("views")
+        relit = []
+        for name in ("true", "asset"):
+            loaded = scene.load(self.scene)
+            if name == "asset":
+                views.exchange(loaded, mesh, reflectance)
+            relit.append((yield from _renamed(views.under_lights(loaded, capture.camera, lamps), "relight")))
+            views.light_studio(loaded, capture.camera, centre, capture.notes["diameter"])
+            picture = yield from _renamed(views.picture(loaded, camera, VIEW_PASSES, VIEW_SAMPLES), name)
+            images.write_rgb(folder / f"{name}.exr", picture)
+        mask = np.broadcast_to(capture.mask(), relit[0].shape[:-1])
+        errors = {"relight_rel_rmse": relative_rmse(relit[1], relit[0], mask)}
+        images.write_text(folder / "errors.json", json.dumps(errors, indent=1))
+
+    def _report(self) -> Work[None]:
+        from ..report.demo import Results, report
+        from ..report.teaser import teaser
+
+        capture, shape = self._opened_capture(), Shape.open(self.folder / "shape")
+        truth = capture.truth()
+        if truth is None:
+            raise LightsphereError(f"{capture.folder} has lost its truth.exr; delete the folder and run the demo again")
+        pictures = {name: images.read_rgb(self.folder / "views" / f"{name}.exr") for name in ("asset", "true")}
+        reflectance = Reflectance.open(self.folder / "reflectance")
+        errors = {
+            **shape.notes["errors"],
+            **{name: reflectance.notes[name] for name in ("material_rel_rms", "material_rel_rms_median")},
+            **self._read("views/errors.json"),
+            "new_view_rel_rmse": relative_rmse(pictures["asset"], pictures["true"]),
+        }
+        trials = [Trial(**row) for row in self._read("tradeoff.json")]
+        simulated = {effect["effect"] for effect in capture.notes["effects"] if effect["simulated"]}
+        effects = [{**e, "simulated": e["effect"] in simulated} for e in self._read("effects.json")]
+        results = Results(
+            self.scene, capture, truth, shape, relief(shape), pictures["asset"], pictures["true"],
+            errors, trials, self.record["seconds"], effects, self.settings.effects,
+        )  # fmt: skip
+        images.write_text(self.folder / "report.html", report(results))
+        yield Progress("report", 0.7, 1)
+        (self.folder / "teaser.png").write_bytes(teaser(results))
+        metrics = {
+            "settings": self.record["settings"],
+            **errors,
+            "stage_seconds": self.record["seconds"],
+            "tradeoff": self._read("tradeoff.json"),
+            "effects": effects,
+        }
+        images.write_text(self.folder / "metrics.json", json.dumps(metrics, indent=1))
+        yield Progress("report", 1, 1)
+
+    def _capture_settings(self) -> CaptureSettings:
+        s = self.settings
+        return CaptureSettings(inner=s.inner, outer=s.outer, resolution=s.resolution, effects=s.effects)
+
+    def _opened_capture(self) -> Capture:
+        return Capture.open(self.folder / "capture")
+
+    def _read(self, name: str) -> Any:
+        return json.loads((self.folder / name).read_text(encoding="utf-8"))
+
+    def _made(self, name: str) -> Path:
+        (self.folder / name).mkdir(exist_ok=True)
+        return self.folder / name
+
+
+def new_lamps(capture: Capture) -> Lights:
+    """Return lamps on the camera's side, between the two spheres, none where the capture had one."""
+    positions = capture.lights.position
+    centre = positions.mean(axis=0)
+    inner, outer = (
+        float(np.linalg.norm(positions[capture.lights.on(surface)] - centre, axis=1).mean())
+        for surface in ("inner", "outer")
+    )
+    directions = sphere(3 * NEW_LAMPS)
+    front = directions @ _backward(capture.camera)
+    chosen = directions[np.argsort(-front)[:NEW_LAMPS]]
+    intensity = np.repeat(capture.lights.intensity[:1], NEW_LAMPS, axis=0)
+    return Lights("near", centre + (inner + outer) / 2 * chosen, intensity, np.full(NEW_LAMPS, 2))
+
+
+def _backward(camera: Camera) -> Any:
+    """The direction from the scene to the camera."""
+    return camera.to_world[:3, 2]
+
+
+def _renamed(work: Work[Any], name: str) -> Work[Any]:
+    """Let a work's progress go by another name."""
+    while True:
+        try:
+            step = next(work)
+        except StopIteration as end:
+            return end.value
+        yield dataclasses.replace(step, stage=name)
+
+
+def _shares(stage: Stage) -> Any:
+    """Run a stage; yield how much of it is done, from 0 to 1, never less than before."""
+    names = list(stage.phases)
+    starts = dict(zip(names, np.cumsum([0.0, *stage.phases.values()])[:-1], strict=True))
+    reached = 0.0
+    for step in stage.work():
+        if step.stage in starts:
+            share = starts[step.stage] + stage.phases[step.stage] * step.done / max(step.total, 1e-30)
+            reached = max(reached, min(share, 1.0))
+            yield reached

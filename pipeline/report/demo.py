@@ -1,0 +1,319 @@
+"""The report of a demo: what went in, what came out, how far it is off, and what that cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.capture import Capture, Truth
+from ..core.compare import depth_error_pct, picture_error
+from ..core.shape import Shape
+from ..core.shape.mesh import Mesh
+from ..core.tradeoff import Trial, dominated
+from . import figures, html, style
+
+AZIMUTHS = (0.0, -45.0, 40.0)
+SAMPLES = 6
+ERROR_DECADES = (1e-4, 1.0)
+
+MEANING = {
+    "recovered_pct": ("Object pixels that got a depth", "%"),
+    "depth_median_pct": ("Depth error of the usual pixel, of the object's size", "%"),
+    "depth_p95_pct": ("Depth error that 95 of 100 pixels stay below", "%"),
+    "normal_mae_deg": ("Mean angle between recovered and true surface direction", "°"),
+    "normal_median_deg": ("The same angle at the usual pixel", "°"),
+    "confidence_high_p95_pct": ("Depth error, 95 of 100, where confidence is highest (best third)", "%"),
+    "confidence_low_p95_pct": ("Depth error, 95 of 100, where confidence is lowest (worst third)", "%"),
+    "material_rel_rms": ("Material: error of reflected light on lights the fit never saw", ""),
+    "material_rel_rms_median": ("The same at the usual pixel", ""),
+    "relight_rel_rmse": ("Asset in Cycles under new lamps against the true object, same view", ""),
+    "new_view_rel_rmse": ("Asset in Cycles from a new view against the true object", ""),
+}
+
+CHOICES = {
+    "direct": "Light that bounces from surface to surface was measured on a few small pictures, and left out of the "
+    "capture: the method compares lamps that stand behind each other, and bounced light, which does not come from the "
+    "lamp, would bias it. Direct light with its shadows needs one sample a pixel and has no noise. To see what the "
+    "rest costs and does, run the demo with --effects auto.",
+    "auto": "Each effect was measured on a few small pictures, and simulated where it adds at least one per cent.",
+    "full": "Every effect was simulated, as asked for; what each adds was measured on a few small pictures.",
+}
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that the report shows.
+
+    Parameters
+    ----------
+    scene : str
+        What was captured, in words.
+    capture : Capture
+    truth : Truth
+    shape : Shape
+    mesh : Mesh
+    asset_view, true_view : (H, W, 3) float32
+        The asset and the true object from the same new view under the same light, linear.
+    errors : dict of str to float
+        Named as in MEANING.
+    trials : sequence of Trial
+        Of the shape stage.
+    seconds : dict of str to float
+        By stage.
+    effects : sequence of dict
+        What the plan of the capture's effects found, see the stage ``plan``.
+    choice : str
+        ``"direct"``, ``"auto"`` or ``"full"``: how the effects of the capture were chosen.
+    """
+
+    scene: str
+    capture: Capture
+    truth: Truth
+    shape: Shape
+    mesh: Mesh
+    asset_view: NDArray[np.float32]
+    true_view: NDArray[np.float32]
+    errors: dict[str, float]
+    trials: Sequence[Trial]
+    seconds: dict[str, float]
+    effects: Sequence[dict[str, Any]]
+    choice: str
+
+
+def report(results: Results) -> str:
+    """Return the report as one HTML document with every picture inside."""
+    parts = [
+        _head(results),
+        _input(results),
+        _shape(results),
+        _mesh(results),
+        _asset(results),
+        _errors(results),
+        _cost(results),
+        _effects(results),
+        _time(results),
+        _foot(results),
+    ]
+    return html.page(f"Lightsphere: {results.scene}", parts)
+
+
+def _head(r: Results) -> str:
+    errors = r.errors
+    return (
+        html.text("Lightsphere report", "kicker")
+        + f"<h1>{r.scene[:1].upper() + r.scene[1:]}, recovered from {len(r.capture)} pictures</h1>"
+        + html.text(
+            "One camera that stands still, one small lamp at a time. From the way every pixel brightens and darkens "
+            "as the lamp moves over two spheres of positions, its distance follows, whatever the material. The result "
+            "is a mesh with a material that Blender can turn, move and light anew.",
+            "lead",
+        )
+        + html.facts(
+            [
+                (f"{errors['depth_median_pct']:.2g} %", "usual depth error, of the object's size"),
+                (f"{errors['normal_mae_deg']:.2g}°", "mean error of the surface's direction"),
+                (f"{100 * errors['relight_rel_rmse']:.2g} %", "error of its pictures under new lamps"),
+                (f"{sum(r.seconds.values()):.0f} s", "for everything on this page"),
+            ]
+        )
+    )
+
+
+def _input(r: Results) -> str:
+    strips = []
+    for surface, words in (("inner", "nearer"), ("outer", "farther")):
+        lights = telling_lights(r.capture, surface, SAMPLES)
+        pictures = [r.capture.image(int(light)) for light in lights]
+        exposure = style.exposure_for(np.stack(pictures), 97)
+        shown = [html.figure(style.picture_png(style.display(p, exposure)), "", "", "pixels") for p in pictures]
+        count = len(r.capture.lights.on(surface))
+        strips.append(html.text(f"Lamps on the {surface} sphere, {words} to the object: {SAMPLES} of {count}."))
+        strips.append(html.row(shown))
+    width, height = r.capture.camera.resolution
+    return html.section(
+        "What went in",
+        html.text(
+            f"{len(r.capture)} pictures of {width} x {height} pixels, each under one lamp. The program knows where the "
+            "camera and the lamps stand, and nothing of the object."
+        ),
+        *strips,
+    )
+
+
+def telling_lights(capture: Capture, surface: str, count: int) -> NDArray[np.int64]:
+    """Choose lights of a surface in front of the object, evenly from left to right: those behind it show little."""
+    own = capture.lights.on(surface)
+    local = (capture.lights.position[own] - capture.lights.position.mean(axis=0)) @ capture.camera.to_world[:3, :3]
+    radius = np.linalg.norm(local, axis=1).max()
+    wanted = np.stack([np.linspace(-0.62, 0.62, count), np.full(count, 0.42), np.full(count, 0.6)], axis=-1)
+    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    nearest = np.linalg.norm(local[None] / radius - wanted[:, None], axis=-1).argmin(axis=1)
+    return np.asarray(own[nearest])
+
+
+def _shape(r: Results) -> str:
+    mask = r.capture.mask()
+    depth = np.where(mask, r.shape.depth, np.nan)
+    low, high = np.nanpercentile(depth, [0.5, 99.5])
+    error = np.where(mask, depth_error_pct(r.shape, r.truth), np.nan)
+    confidence = np.where(mask, r.shape.confidence, np.nan)
+    least, most = np.nanpercentile(confidence, [1, 99])
+    shown = [
+        html.figure(
+            style.picture_png(style.mapped(depth, low, high, style.DEPTH)),
+            "Depth.",
+            "Distance from the camera; light is near.",
+            "pixels",
+            figures.scale_bar(low, high, style.DEPTH, "m"),
+        ),
+        html.figure(
+            style.picture_png(style.mapped(error, *ERROR_DECADES, style.ERROR, logarithmic=True)),
+            "Depth error.",
+            "Against the truth, each step of the scale ten times the last.",
+            "pixels",
+            figures.scale_bar(*ERROR_DECADES, style.ERROR, "% of the object's size", logarithmic=True),
+        ),
+        html.figure(
+            style.picture_png(style.mapped(confidence, least, most, style.CONFIDENCE)),
+            "Confidence.",
+            "What the program itself thinks of each pixel, without knowing the truth.",
+            "pixels",
+            figures.scale_bar(least, most, style.CONFIDENCE, "0 lost, 1 certain"),
+        ),
+        html.figure(
+            style.picture_png(figures.normal_colours(np.where(mask[..., None], r.shape.normal, np.nan))),
+            "Surface direction.",
+            "Red faces right, green up, blue the viewer.",
+            "pixels",
+            figures.direction_key(),
+        ),
+    ]
+    return html.section(
+        "What came out: the shape",
+        html.text(
+            "Every pixel of the object has a distance and a direction of its own. No pixel was told what material it "
+            "shows, and the true shape was used only afterwards, to measure the errors."
+        ),
+        html.row(shown),
+    )
+
+
+def _mesh(r: Results) -> str:
+    words = ("As the camera saw it", "From the left", "From the right")
+    shown = [
+        html.figure(png, f"{title}.", "" if i else f"{len(r.mesh.faces):,} triangles, one corner per pixel.")
+        for i, (png, title) in enumerate(zip(figures.wireframe(r.mesh, r.capture.camera, AZIMUTHS), words, strict=True))
+    ]
+    return html.section(
+        "The mesh",
+        html.text(
+            "What one camera sees is a relief: the far side is open, and where one part stands in front of another the "
+            "mesh is cut instead of stretched across the gap. Orange shows the inside of the surface."
+        ),
+        html.row(shown),
+    )
+
+
+def _asset(r: Results) -> str:
+    exposure = style.exposure_for(r.true_view, 99.7)
+    both = np.concatenate([r.asset_view, r.true_view], axis=1)
+    error = picture_error(r.asset_view, r.true_view)
+    high = float(np.percentile(error, 99))
+    half = both.shape[1] // 2
+    asset, true = (style.picture_png(style.display(part, exposure)) for part in (both[:, :half], both[:, half:]))
+    return html.section(
+        "The asset, seen anew",
+        html.text(
+            "Both pictures are rendered by Cycles from a side that the camera never saw, under the same two soft "
+            "lamps, on the same ground. Only the object differs: recovered on the left, true on the right."
+        ),
+        html.row(
+            [
+                html.figure(asset, "Recovered.", "What the first camera did not see is open."),
+                html.figure(true, "True.", "The object that was captured."),
+                html.figure(
+                    style.picture_png(style.mapped(error, 0.0, high, style.ERROR)),
+                    "Difference.",
+                    "Largest at the border of what was seen.",
+                    "",
+                    figures.scale_bar(0.0, high, style.ERROR, "of the picture's level"),
+                ),
+            ],
+        ),
+    )
+
+
+def _errors(r: Results) -> str:
+    rows = [
+        [f"{words} `{name}`", f"{r.errors[name]:.3g}{unit and ' '}{unit}"]
+        for name, (words, unit) in MEANING.items()
+        if name in r.errors
+    ]
+    return html.section(
+        "How far it is off",
+        html.text("Depth errors are in per cent of the object's largest extent, over the pixels that show the object."),
+        html.table(["What", "Error"], rows, numbers=[1]),
+    )
+
+
+def _cost(r: Results) -> str:
+    name = "depth_median_pct"
+    beaten = dominated(r.trials, name)
+    rows = [
+        [t.label, f"{t.seconds:.1f} s", f"{t.errors[name]:.2g} %", f"{t.errors['depth_p95_pct']:.2g} %", better or "–"]
+        for t, better in zip(r.trials, beaten, strict=True)
+    ]
+    heads = ["Lamps, inner/outer", "Solve", "Usual error", "95 of 100", "Beaten by"]
+    return html.section(
+        "What accuracy costs",
+        html.text(
+            "The same pictures solved again with fewer lamps, evenly spread. Fewer lamps also shorten the capture, in "
+            "proportion. A row is beaten when another is both faster and better."
+        ),
+        '<div class="two">'
+        + html.figure(figures.tradeoff_plot(r.trials, name, "usual depth error, %"), "", "")
+        + html.table(heads, rows, numbers=[1, 2, 3])
+        + "</div>",
+    )
+
+
+def _effects(r: Results) -> str:
+    rows = []
+    for effect in r.effects:
+        share, cost = effect["contribution_pct"], effect.get("cost")
+        rows.append(
+            [
+                effect["effect"],
+                f"{share:.1f} %" if share is not None else "not measured",
+                f"{cost:.0f} x" if cost is not None else "–",
+                "yes" if effect["simulated"] else "no",
+                effect["reason"],
+            ]
+        )
+    heads = ["Effect", "Share of the light", "Render time", "Simulated", "Why"]
+    return html.section(
+        "Which effects were simulated", html.text(CHOICES[r.choice]), html.table(heads, rows, numbers=[1, 2])
+    )
+
+
+def _time(r: Results) -> str:
+    entries = [(stage, seconds, f"{seconds:.1f} s") for stage, seconds in r.seconds.items()]
+    return html.section("Where the time went", html.bars(entries))
+
+
+def _foot(r: Results) -> str:
+    notes = r.capture.notes
+    spheres = ", ".join(
+        f"{len(r.capture.lights.on(s))} {s} lamps at {notes['settings'][f'radius_{s}']:g} m" for s in ("inner", "outer")
+    )
+    width, height = r.capture.camera.resolution
+    words = (
+        f"{width} x {height} pixels; {spheres}; object {notes['diameter']:.3g} m; Blender {notes['blender']}. "
+        "Method: double covering by two light spheres (Magda, Kriegman, Zickler, Belhumeur 2001). All figures are in "
+        "metrics.json; the asset is asset.blend: open it and press F12."
+    )
+    return f"<footer>{words}</footer>"

@@ -1,0 +1,158 @@
+"""The figures of a report: arrays in, PNG bytes out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm, Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from ..core.camera import Camera
+from ..core.shape.mesh import Mesh
+from ..core.tradeoff import Trial
+from . import style
+
+
+def scale_bar(low: float, high: float, colours: str, label: str, logarithmic: bool = False) -> bytes:
+    """Draw a horizontal colour scale."""
+    figure = Figure(figsize=(3.2, 0.42))
+    axes = figure.add_axes((0.02, 0.55, 0.96, 0.4))
+    norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
+    bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, orientation="horizontal")
+    bar.outline.set_visible(False)
+    bar.set_label(label, fontsize=8, labelpad=2)
+    bar.ax.tick_params(size=2, width=0.5, labelsize=7, which="major")
+    bar.ax.minorticks_off()
+    if logarithmic:
+        bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    return style.plot_png(figure)
+
+
+def normal_colours(normal: NDArray[Any]) -> NDArray[np.float64]:
+    """Return camera-space normals (H, W, 3) as colours (H, W, 4): x, y, z from -1..1 to 0..1; NaN is transparent."""
+    rgba = np.ones((*normal.shape[:2], 4))
+    rgba[..., :3] = np.nan_to_num(0.5 * (normal + 1.0))
+    rgba[..., 3] = np.isfinite(normal).all(-1)
+    return rgba
+
+
+def direction_key() -> bytes:
+    """Draw what the colours of surface directions mean: a ball that faces the viewer."""
+    span = np.linspace(-1, 1, 240)
+    x, y = np.meshgrid(span, -span)
+    inside = x**2 + y**2 < 1
+    ball = np.stack([x, y, np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))], axis=-1)
+    figure = Figure(figsize=(3.2, 0.42))
+    axes = figure.add_axes((0.4, 0.0, 0.2, 1.0))
+    axes.imshow(normal_colours(np.where(inside[..., None], ball, np.nan)))
+    axes.set_axis_off()
+    return style.plot_png(figure)
+
+
+def wireframe(mesh: Mesh, camera: Camera, azimuths: Sequence[float]) -> list[bytes]:
+    """Draw a mesh as a wire-frame with hidden lines removed, from several sides.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    camera : Camera
+        The first view; the others are turned from it about the vertical.
+    azimuths : sequence of float
+        [degrees]
+
+    Returns
+    -------
+    list of bytes
+        One PNG a view, all to the same scale.
+    """
+    centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+    views = [(mesh.vertices - centre) @ camera.orbited(centre, a).to_world[:3, :3] for a in azimuths]
+    half = 1.04 * max(float(np.abs(view[:, :2]).max(axis=0)[0]) for view in views)
+    tall = 1.04 * max(float(np.abs(view[:, 1]).max()) for view in views)
+    return [_wire(view[mesh.faces], half, tall) for view in views]
+
+
+def _wire(triangles: NDArray[np.float64], half: float, tall: float) -> bytes:
+    figure = Figure(figsize=(4.2, 4.2 * tall / half))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.set_xlim(-half, half)
+    axes.set_ylim(-tall, tall)
+    triangles = triangles[np.argsort(triangles[:, :, 2].mean(axis=1))]
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    facing = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+    front, back, edge = (np.array(to_rgb(c)) for c in ("#ffffff", "#e9cbb9", style.INK))
+    tone = np.where(facing[:, None] > 0, front - (1 - np.abs(facing[:, None])) * 0.22, back)
+    lines = np.where(facing[:, None] > 0, edge, to_rgb(style.WARM))
+    axes.add_collection(PolyCollection(triangles[:, :, :2], facecolors=tone, edgecolors=lines, linewidths=0.22))
+    return style.plot_png(figure, dpi=220)
+
+
+def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
+    """Plot error against seconds, both logarithmic, with the Pareto front as a line."""
+    figure = Figure(figsize=(5.4, 3.1))
+    axes = figure.add_subplot()
+    seconds = np.array([trial.seconds for trial in trials])
+    errors = np.array([trial.errors[error] for trial in trials])
+    order = np.argsort(seconds)
+    best = np.minimum.accumulate(errors[order])
+    front = order[errors[order] <= best]
+    axes.plot(seconds[front], errors[front], color=style.ACCENT, linewidth=1.2, zorder=1)
+    on_front = np.isin(np.arange(len(trials)), front)
+    axes.scatter(seconds[on_front], errors[on_front], s=42, color=style.ACCENT, zorder=2)
+    axes.scatter(
+        seconds[~on_front],
+        errors[~on_front],
+        s=42,
+        facecolor=style.PAPER,
+        edgecolor=style.WARM,
+        linewidth=1.3,
+        zorder=2,
+    )
+    for trial in trials:
+        axes.annotate(
+            trial.label, (trial.seconds, trial.errors[error]), (7, 6), textcoords="offset points", fontsize=8.5
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if _leads(value) else ""))
+    axes.tick_params(which="both", size=0, labelsize=8)
+    axes.grid(color=style.LINE, linewidth=0.6)
+    axes.margins(0.2)
+    axes.set_xlabel("seconds to solve the shape")
+    axes.set_ylabel(words)
+    return style.plot_png(figure)
+
+
+def _leads(value: float) -> bool:
+    """Whether a tick is 2 or 5 times a power of ten."""
+    return round(value / 10 ** np.floor(np.log10(value))) in (2, 5)
+
+
+def heat(values: NDArray[Any], label: str, logarithmic: bool = True) -> bytes:
+    """Draw an error map with its colour scale as one picture that stands by itself."""
+    finite = values[np.isfinite(values) & (values > 0)]
+    high = float(np.percentile(finite, 99.5)) if finite.size else 1.0
+    low = max(float(np.percentile(finite, 1)), high * 1e-4) if finite.size else 0.1
+    if not logarithmic or low >= high:
+        low, high, logarithmic = 0.0, max(high, 1e-12), False
+    figure = Figure(figsize=(5, 5 * values.shape[0] / values.shape[1] + 0.6), facecolor=style.PAPER)
+    axes = figure.add_subplot()
+    axes.set_axis_off()
+    ground = matplotlib.colormaps[style.ERROR].with_extremes(bad=style.PAPER)
+    norm = LogNorm(low, high, clip=True) if logarithmic else Normalize(low, high, clip=True)
+    shown = np.where(np.isfinite(values), np.maximum(values, low), np.nan)
+    drawn = axes.imshow(shown, cmap=ground, norm=norm, interpolation="nearest")
+    bar = figure.colorbar(drawn, ax=axes, orientation="horizontal", fraction=0.04, pad=0.03)
+    bar.outline.set_visible(False)
+    bar.set_label(label)
+    return style.plot_png(figure)
