@@ -34,6 +34,8 @@ def read(path: Path) -> dict[str, NDArray[np.float32]]:
     part = 0
     while file.seek_subimage(part, 0):
         pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
+        if pixels is None:
+            raise LightsphereError(f"{path} is damaged ({file.geterror()}); delete it and run the stage again")
         channels.update({name: pixels[..., i] for i, name in enumerate(file.spec().channelnames)})
         part += 1
     file.close()
@@ -119,6 +121,11 @@ def _attributes(header: bytes) -> tuple[dict[bytes, tuple[int, int]], int]:
 
 def _openimageio() -> Any:
     bpy.utils.expose_bundled_modules()
-    import OpenImageIO
-
+    try:
+        import OpenImageIO
+    except ImportError as error:  # a distribution's own build of Blender
+        raise LightsphereError(
+            "this Blender comes without OpenImageIO for Python; use a build of blender.org or install that package "
+            "(Debian: python3-openimageio)"
+        ) from error
     return OpenImageIO

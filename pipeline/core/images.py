@@ -1,14 +1,14 @@
 """Float images on disk: OpenEXR files written atomically, read with a clear error.
 
-OpenEXR is imported when it is first needed: inside a real Blender executable its library clashes
-with Blender's own, so there images are read in worker processes only.
+OpenEXR is imported when it is first needed: inside a Blender executable its library clashes with Blender's own,
+and another one takes its place there (:func:`use_library`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import LightsphereError
+
+Reader = Callable[[Path], dict[str, NDArray[Any]]]
+Writer = Callable[[Path, Mapping[str, NDArray[Any]]], None]
 
 
 def write_channels(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
@@ -33,18 +36,7 @@ def write_channels(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
     LightsphereError
         When the disk is full or the folder cannot be written.
     """
-    import OpenEXR
-
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
-    try:
-        with OpenEXR.File(header, planes) as file:
-            file.write(str(partial))
-        partial.replace(path)
-    except (OSError, RuntimeError) as error:
-        partial.unlink(missing_ok=True)
-        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+    _write(path, channels)
 
 
 def read_channels(path: Path) -> dict[str, NDArray[Any]]:
@@ -55,24 +47,9 @@ def read_channels(path: Path) -> dict[str, NDArray[Any]]:
     LightsphereError
         When the file is missing or damaged; the message names it.
     """
-    import OpenEXR
-
     if not path.is_file():
         raise LightsphereError(f"{path} is missing; render or import the capture again to replace it")
-    try:
-        with OpenEXR.File(str(path), header_only=True) as header:
-            promised = len(header.parts)
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            if len(file.parts) < promised:  # of a file cut off the library leaves parts out, with a warning only
-                raise RuntimeError("the file ends too early")
-            channels = {}
-            for part in file.parts:
-                channels.update({name: np.array(c.pixels) for name, c in part.channels.items()})
-    except Exception as error:  # the library raises its own untyped errors for damaged files
-        raise LightsphereError(
-            f"{path} is damaged ({error}); delete it and run the stage that made it again"
-        ) from error
-    return channels
+    return _read(path)
 
 
 def write_rgb(path: Path, image: NDArray[Any]) -> None:
@@ -106,3 +83,47 @@ def write_text(path: Path, text: str) -> None:
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+
+
+def use_library(read: Reader, write: Writer) -> None:
+    """Read and write OpenEXR files by other functions from now on, with the same results and errors."""
+    global _read, _write
+    _read, _write = read, write
+
+
+def _write_openexr(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
+    import OpenEXR
+
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
+    try:
+        with OpenEXR.File(header, planes) as file:
+            file.write(str(partial))
+        partial.replace(path)
+    except (OSError, RuntimeError) as error:
+        partial.unlink(missing_ok=True)
+        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+
+
+def _read_openexr(path: Path) -> dict[str, NDArray[Any]]:
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(path), header_only=True) as header:
+            promised = len(header.parts)
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            if len(file.parts) < promised:  # of a file cut off the library leaves parts out, with a warning only
+                raise RuntimeError("the file ends too early")
+            channels = {}
+            for part in file.parts:
+                channels.update({name: np.array(c.pixels) for name, c in part.channels.items()})
+    except Exception as error:  # the library raises its own untyped errors for damaged files
+        raise LightsphereError(
+            f"{path} is damaged ({error}); delete it and run the stage that made it again"
+        ) from error
+    return channels
+
+
+_read: Reader = _read_openexr
+_write: Writer = _write_openexr

@@ -108,6 +108,18 @@ def test_a_missing_folder_is_an_error_of_the_input(tmp_path: Path) -> None:
         images.write_rgb(tmp_path / "nowhere" / "a.exr", picture())
 
 
+def test_another_library_can_take_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plane = np.ones((2, 2), np.float32)
+    store: dict[Path, object] = {}
+    for name in ("_read", "_write"):
+        monkeypatch.setattr(images, name, getattr(images, name))  # put back afterwards
+    images.use_library(lambda path: {"Y": plane}, lambda path, channels: store.update({path: channels}))
+    images.write_rgb(tmp_path / "a.exr", picture())
+    assert list(store) == [tmp_path / "a.exr"] and not (tmp_path / "a.exr").exists()
+    (tmp_path / "a.exr").touch()
+    assert images.read_rgb(tmp_path / "a.exr").shape == (2, 2, 3)
+
+
 def test_the_checksum_is_sha256_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "abc").write_bytes(b"abc")
     # FIPS 180-2, example B.1
