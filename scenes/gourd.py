@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import stage
-from .surfaces import Mesh, bezier, grid
+from .surfaces import Mesh, bezier, evenly, grid
 
 DIAMETER = 2.2
 PROFILE = np.array(
@@ -28,7 +28,7 @@ WEIGHTS = "weights"
 
 def mesh() -> Mesh:
     """Return the gourd: a lathed profile with ribs and a leaning neck, about 46,000 triangles."""
-    profile = bezier(PROFILE, 36)
+    profile = bezier(PROFILE, evenly(PROFILE, 144))
     angle = 2 * np.pi * np.arange(160) / 160
     radius, height = profile[:, :1], profile[:, 1:]
     ribbed = radius * (1 + DEPTH_OF_RIBS * np.cos(RIBS * angle) * np.clip(radius / 0.6, 0, 1))

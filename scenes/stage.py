@@ -114,7 +114,8 @@ def add_attribute(item: bpy.types.Object, name: str, colours: NDArray[np.float64
 
 def _empty_material(name: str) -> tuple[bpy.types.Material, bpy.types.Node]:
     made = bpy.data.materials.new(name)
-    made.use_nodes = True
+    if bpy.app.version < (5, 0):
+        made.use_nodes = True
     made.node_tree.nodes.clear()
     output = made.node_tree.nodes.new("ShaderNodeOutputMaterial")
     output.location.x = 260

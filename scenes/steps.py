@@ -51,7 +51,7 @@ def build(scene: bpy.types.Scene) -> None:
     matt = stage.material("Stone", "ShaderNodeBsdfDiffuse", {"Color": (0.65, 0.6, 0.5, 1)})
     stage.add_object(scene, "Steps", surface, matt, smooth=False)
     stage.add_ground(scene, surface.vertices[:, 2].min())
-    stage.add_camera(scene, 1.15 * DIAMETER, (0.25, -1.0, 0.35))
+    stage.add_camera(scene, 1.2 * DIAMETER, (0.25, -1.0, 0.35))
 
 
 def _square(axis: int, side: int) -> np.ndarray:

@@ -22,24 +22,42 @@ class Mesh:
         )
 
 
-def bezier(control: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+def bezier(control: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Evaluate cubic Bezier curves joined end to end.
 
     Parameters
     ----------
     control : (N, 4, ...) float64
         Control points of N curves, each starting where the one before ends.
-    steps : int
-        Points a curve, its last one excluded.
+    t : (T,) float64
+        Parameters from 0, the start of the first curve, to N, the end of the last.
 
     Returns
     -------
-    (N * steps + 1, ...) float64
+    (T, ...) float64
     """
-    t = np.arange(steps) / steps
-    weights = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
-    points = np.einsum("tk,nk...->nt...", weights, control).reshape(-1, *control.shape[2:])
-    return np.concatenate([points, control[-1, -1:]])
+    curve = np.minimum(t.astype(int), len(control) - 1)
+    u = t - curve
+    weights = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3], axis=1)
+    return np.einsum("tk,tk...->t...", weights, control[curve])
+
+
+def evenly(control: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return parameters (count,) at which neighbours differ as evenly in place as in direction.
+
+    A curl gets more points than a straight piece, so that normals interpolated between them stay true.
+    """
+    t = np.linspace(0, len(control), 500 * len(control))
+    points = bezier(control, t).reshape(len(t), -1)
+    steps = np.diff(points, axis=0)
+    length = np.linalg.norm(steps, axis=1)
+    direction = steps / length[:, None]
+    turn = np.arccos(np.clip((direction[1:] * direction[:-1]).sum(axis=1), -1, 1))
+    total = turn.sum()
+    way = np.cumsum(length) / length.sum()
+    if total > 0:
+        way[1:] += np.cumsum(turn) / total
+    return np.interp(np.linspace(0, way[-1], count), np.concatenate([[0], way]), t)
 
 
 def grid(points: NDArray[np.float64]) -> Mesh:
@@ -71,8 +89,9 @@ def lathe(profile: NDArray[np.float64], columns: int) -> Mesh:
 
 
 def mirrored_tube(patches: NDArray[np.float64], rows: int, columns: int) -> Mesh:
-    """Sweep half-tube Bezier patches (N, 4, 4, 3) and their mirror image in y to a closed tube."""
-    along = bezier(patches, rows)
-    half = bezier(along.transpose(1, 0, 2)[None], columns // 2).transpose(1, 0, 2)
+    """Sweep half-tube Bezier patches (N, 4, 4, 3) and their mirror image in y to a tube with open ends."""
+    along = bezier(patches, evenly(patches, rows))
+    around = np.linspace(0, 1, columns // 2 + 1)
+    half = bezier(along.transpose(1, 0, 2)[None], around).transpose(1, 0, 2)
     mirror = half[:, -2:0:-1] * (1, -1, 1)
-    return grid(np.concatenate([half, mirror], axis=1))
+    return grid(np.concatenate([half, mirror], axis=1)[:, ::-1])

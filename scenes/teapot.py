@@ -6,27 +6,29 @@ import bpy
 import numpy as np
 
 from . import newell, stage
-from .surfaces import Mesh, bezier, lathe, mirrored_tube
+from .surfaces import Mesh, bezier, evenly, lathe, mirrored_tube
 
 DIAMETER = 2.4
-STEPS = 20
+LATHE_COLUMNS, TUBE_COLUMNS = 120, 64
 
 
 def mesh() -> Mesh:
-    """Return the teapot, about 65,000 triangles, largest extent 2.4 m, centred on the origin."""
-    profiles = (bezier(newell.LID, STEPS), bezier(newell.GAP, 2), bezier(newell.BODY, STEPS))
-    parts = [lathe(profile, 10 * STEPS) for profile in profiles]
-    parts += [mirrored_tube(newell.HANDLE, 2 * STEPS, 3 * STEPS), _spout()]
+    """Return the teapot, about 74,000 triangles, largest extent 2.4 m, centred on the origin."""
+    parts = [
+        lathe(bezier(profile, evenly(profile, rows)), LATHE_COLUMNS)
+        for profile, rows in ((newell.LID, 100), (newell.GAP, 3), (newell.BODY, 130))
+    ]
+    parts += [mirrored_tube(newell.HANDLE, 60, TUBE_COLUMNS), _spout()]
     return stage.centred(sum(parts[1:], parts[0]), DIAMETER)
 
 
 def _spout() -> Mesh:
     """Return the spout with its mouth closed by a flat lid, so that the inside is not seen."""
-    tube = mirrored_tube(newell.SPOUT, 2 * STEPS, 3 * STEPS)
-    rim = tube.vertices[-3 * STEPS :]
+    tube = mirrored_tube(newell.SPOUT, 90, TUBE_COLUMNS)
+    rim = tube.vertices[-TUBE_COLUMNS:]
     index = np.arange(len(rim))
     centre = np.full(len(rim), len(rim))
-    lid = Mesh(np.vstack([rim, rim.mean(axis=0)]), np.stack([index, np.roll(index, -1), centre, centre], axis=-1))
+    lid = Mesh(np.vstack([rim, rim.mean(axis=0)]), np.stack([index, centre, centre, np.roll(index, -1)], axis=-1))
     return tube + lid
 
 

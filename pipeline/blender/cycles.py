@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import io
 import os
 import struct
 import sys
@@ -43,6 +45,7 @@ class Transport:
 
 
 DIRECT = Transport()
+LIBC = ctypes.CDLL(None if os.name == "posix" else "ucrtbase")
 
 RENDER: dict[str, Any] = {
     "engine": "CYCLES",
@@ -227,18 +230,26 @@ def render(scene: bpy.types.Scene, path: Path) -> None:
 @contextlib.contextmanager
 def caught_output() -> Iterator[Any]:
     """Keep Blender's own lines, which Python cannot catch, off standard output and error."""
-    sys.stdout.flush()
-    sys.stderr.flush()
+    _flush()
     kept = [os.dup(stream) for stream in (1, 2)]
     try:
-        with tempfile.TemporaryFile() as caught:
+        # Blender's operators report errors through Python's own standard output.
+        with tempfile.TemporaryFile() as caught, contextlib.redirect_stdout(io.StringIO()):
             for stream in (1, 2):
                 os.dup2(caught.fileno(), stream)
             try:
                 yield caught
             finally:
+                _flush()
                 for stream, copy in zip((1, 2), kept, strict=True):
                     os.dup2(copy, stream)
     finally:
         for copy in kept:
             os.close(copy)
+
+
+def _flush() -> None:
+    """Let nothing that Python or C still holds come out on the wrong side of a redirection."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    LIBC.fflush(None)

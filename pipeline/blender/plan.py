@@ -26,6 +26,7 @@ BOUNCED = ("diffuse interreflection", "glossy interreflection", "caustics", "tra
 SWITCHES = ("diffuse", "glossy", "caustics", "transmission")
 BOUNCES = (1, 2, 3, 4, 6, 8)
 MOST_BOUNCES = 12
+TRIALS = 2 + len(BOUNCED) + 1 + len(BOUNCES)  # at most
 NEGLIGIBLE = 0.1  # light of longer paths that may be left out, % of the threshold's base
 
 
@@ -83,9 +84,11 @@ def decide(scene: bpy.types.Scene, capture: Capture, effects: str, samples: int,
     measured = yield from probe.effects(effects)
     wanted = dict(zip(SWITCHES, (effect.simulated for effect in measured[1:]), strict=True))
     if not any(wanted.values()):
+        yield Progress("plan", TRIALS, TRIALS, "trials")
         return Plan(tuple(measured), cycles.DIRECT)
     transport = cycles.Transport(MOST_BOUNCES, **wanted, samples=samples)
     bounces = yield from probe.bounces(transport)
+    yield Progress("plan", TRIALS, TRIALS, "trials")
     return Plan(tuple(measured), dataclasses.replace(transport, bounces=bounces))
 
 
@@ -154,7 +157,7 @@ class Probe:
                 seconds += time.perf_counter() - start
                 total += sum(float(c[self._mask].sum(dtype=np.float64)) for c in exr.read(path).values())
         self._done += 1
-        yield Progress("plan", self._done, max(self._done, 2 + len(BOUNCED) + 1 + len(BOUNCES)), "trials")
+        yield Progress("plan", self._done, TRIALS, "trials")
         return total, seconds
 
     def _render_mask(self) -> NDArray[np.bool_]:

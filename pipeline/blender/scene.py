@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import LightsphereError
+from .cycles import caught_output
 
 
 def library() -> dict[str, Any]:
@@ -33,7 +34,9 @@ def load(name: str) -> bpy.types.Scene:
     if not path.is_file():
         raise LightsphereError(f"{path} does not exist; give a .blend file or one of {', '.join(scenes)}")
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False, use_scripts=False)
+        with caught_output():
+            bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        raise LightsphereError(f"{path} cannot be opened ({error}); save it again with this Blender") from error
+        reason = " ".join(str(error).split())
+        raise LightsphereError(f"{path} cannot be opened ({reason}); save it again with this Blender") from error
     return bpy.context.scene

@@ -91,7 +91,11 @@ def run_with_bar(work: Work[Result], one_bar: bool = False) -> Result:
         Rate(),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, disable=not sys.stderr.isatty(), console=Console(file=sys.stderr)) as bar:
+    # A stream of its own: while Cycles renders, what goes to standard error is Blender's and is held back.
+    with (
+        os.fdopen(os.dup(2), "w", encoding="utf-8") as stream,
+        Bar(*columns, disable=not stream.isatty(), console=Console(file=stream)) as bar,
+    ):
         tasks: dict[str, Any] = {}
 
         def report(step: Progress) -> None:

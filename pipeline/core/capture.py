@@ -126,6 +126,17 @@ class Capture:
             raise LightsphereError(f"{path} does not fit the camera's {width}x{height} pixels; delete or replace it")
         return truth
 
+    def changed(self) -> list[str]:
+        """Return the pictures whose bytes are not those recorded when they were written, or that are missing.
+
+        Pictures whose checksum was never recorded are left out.
+        """
+        return [
+            name
+            for name, recorded in zip(self.files, self.checksums, strict=True)
+            if recorded and not ((self.folder / name).is_file() and images.checksum(self.folder / name) == recorded)
+        ]
+
     def select(self, indices: NDArray[np.int64]) -> Capture:
         """Return the capture restricted to some of its lights."""
         return dataclasses.replace(

@@ -1,0 +1,60 @@
+"""Scenes small enough for a test, made without the pipeline."""
+
+from __future__ import annotations
+
+import bpy
+
+from pipeline.core.lights import Lights
+
+
+def empty() -> bpy.types.Scene:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+def ball(node_type: str, inputs: dict[str, object], **attributes: object) -> bpy.types.Scene:
+    """Return a scene of one finely tessellated ball of radius 1 m seen from (0, -7, 2)."""
+    scene = empty()
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=1)
+    item = bpy.context.object
+    item.data.shade_smooth()
+    item.cycles.shadow_terminator_geometry_offset = 0.0
+    material = bpy.data.materials.new("Ball")
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    closure, output = nodes.new(node_type), nodes.new("ShaderNodeOutputMaterial")
+    for name, value in attributes.items():
+        setattr(closure, name, value)
+    for name, value in inputs.items():
+        closure.inputs[name].default_value = value
+    material.node_tree.links.new(closure.outputs[0], output.inputs[0])
+    item.data.materials.append(material)
+    aim(scene, (0.0, -7.0, 2.0), 0.31)
+    return scene
+
+
+def aim(scene: bpy.types.Scene, place: tuple[float, float, float], angle: float) -> None:
+    from mathutils import Vector
+
+    data = bpy.data.cameras.new("Camera")
+    data.angle = angle
+    camera = bpy.data.objects.new("Camera", data)
+    camera.location = place
+    camera.rotation_euler = Vector(place).to_track_quat("Z", "Y").to_euler()
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def lambert(albedo: float) -> bpy.types.Scene:
+    return ball("ShaderNodeBsdfDiffuse", {"Color": (albedo, albedo, albedo, 1)})
+
+
+def lights_file(path: object, lights: Lights) -> str:
+    """Write lights where `--rig` reads them."""
+    import json
+    from pathlib import Path
+
+    Path(str(path)).write_text(json.dumps(lights.as_json()))
+    return str(path)
