@@ -72,7 +72,12 @@ def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflect
     width, height = shape.camera.resolution
     scale = LONGER_SIDE / max(width, height)
     scene.render.resolution_x, scene.render.resolution_y = round(width * scale), round(height * scale)
-    for key, value in {"samples": 64, "use_adaptive_sampling": True, "adaptive_threshold": 0.02}.items():
+    for key, value in {
+        "samples": 48,
+        "max_bounces": 4,
+        "use_adaptive_sampling": True,
+        "adaptive_threshold": 0.02,
+    }.items():
         setattr(scene.cycles, key, value)
     scene.render.engine = "CYCLES"
     scene.view_settings.view_transform = "Standard"

@@ -47,18 +47,24 @@ class Camera:
             [m] and unit; ``origins + depth * directions`` is the surface point.
         """
         width, height = self.resolution
-        x = (np.arange(width) + 0.5 - self.centre[0]) / self.focal[0]
-        y = (self.centre[1] - np.arange(height) - 0.5) / self.focal[1]
-        grid_x, grid_y = np.meshgrid(x, y)
-        ones = np.ones_like(grid_x)
+        place = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
+        return self.rays_at(place)
+
+    def rays_at(self, place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return origins and unit directions (..., 3) of the rays through places (..., 2) of the picture.
+
+        A place is column and row [px] from the top left corner; pixel centres are at halves.
+        """
+        x = (place[..., 0] - self.centre[0]) / self.focal[0]
+        y = (self.centre[1] - place[..., 1]) / self.focal[1]
         rotation, position = self.to_world[:3, :3], self.to_world[:3, 3]
         if self.model == "pinhole":
-            local = np.stack([grid_x, grid_y, -ones], axis=-1)
+            local = np.stack([x, y, -np.ones_like(x)], axis=-1)
             local /= np.linalg.norm(local, axis=-1, keepdims=True)
             directions = local @ rotation.T
             origins = np.broadcast_to(position, directions.shape).copy()
         else:
-            local = np.stack([grid_x, grid_y, 0 * ones], axis=-1)
+            local = np.stack([x, y, np.zeros_like(x)], axis=-1)
             origins = local @ rotation.T + position
             directions = np.broadcast_to(-rotation[:, 2], origins.shape).copy()
         return origins, directions
