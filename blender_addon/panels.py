@@ -61,7 +61,7 @@ class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
     settings_type = CaptureSettings
 
     def draw_input(self, context: bpy.types.Context) -> None:
-        self.layout.operator("lightsphere.add_rig", icon="OUTLINER_OB_LIGHTPROBE")
+        self.layout.operator("lightsphere.add_rig", icon="OUTLINER_OB_LIGHT")
 
     def draw_button(self, context: bpy.types.Context) -> None:
         self.layout.operator("lightsphere.capture", icon="RENDER_STILL").resume = False

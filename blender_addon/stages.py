@@ -47,7 +47,7 @@ class Capture(Stage):
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         if properties.of(scene).capture.rig == results.OWN_RIG and not results.rigs(scene):
-            return "The rig is the scene's own, and there is none: add one"
+            return "The scene has no rig: add one"
         return lacks_rig(scene)
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
@@ -71,8 +71,8 @@ class Shape(Stage):
     def lacks(self, scene: bpy.types.Scene) -> str:
         folder = properties.of(scene).capture_folder
         if not folder:
-            return "There is no capture yet: capture first, or choose a capture's folder"
-        return "" if results.finished(absolute(folder)) else "The folder holds no finished capture"
+            return "No capture is chosen yet"
+        return "" if results.finished(absolute(folder)) else "No finished capture is there"
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         chosen = settings.values(properties.of(scene).shape, ShapeSettings)
@@ -93,8 +93,8 @@ class Material(Stage):
     def lacks(self, scene: bpy.types.Scene) -> str:
         folder = properties.of(scene).shape_folder
         if not folder:
-            return "There is no shape yet: recover it first, or choose a shape's folder"
-        return "" if (absolute(folder) / "shape.json").is_file() else "The folder holds no recovered shape"
+            return "No shape is chosen yet"
+        return "" if (absolute(folder) / "shape.json").is_file() else "No recovered shape is there"
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         return ["material", str(absolute(properties.of(scene).shape_folder)), "-o", str(folder / results.ASSET)]
@@ -120,7 +120,7 @@ class Run:
         else:
             self.folder = folder
             words = json.loads((folder / COMMAND).read_text(encoding="utf-8"))
-        self.task = Task(*worker.command_line(words))
+        self.task = Task(*worker.command_line(words), worker.first_words(words))
         running = self
 
     def event(self, kind: str) -> str:

@@ -26,8 +26,9 @@ class Task:
         Its last line on standard error, once it has ended with another status than 0.
     """
 
-    def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
-        self.stage, self.done, self.total, self.unit = "starting", 0.0, 0.0, ""
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str], first_words: str) -> None:
+        """Start the command; the first words stand for its stage until it tells one."""
+        self.stage, self.done, self.total, self.unit = first_words, 0.0, 0.0, ""
         self.error = ""
         self.stopped = False
         self._log: list[str] = []

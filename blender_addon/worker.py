@@ -29,6 +29,12 @@ def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     return command, environment
 
 
+def first_words(words: Sequence[str]) -> str:
+    """Return what to show until a worker tells how far it is: its first run compiles kernels for a minute or two."""
+    compiled = words[0] not in WITHOUT_BLENDER or any(user_folder("kernels").rglob("*.nbi"))
+    return "starting" if compiled else "compiling the solvers, once"
+
+
 def user_folder(name: str) -> Path:
     """Return a folder of this extension that Blender lets it write to, made if need be."""
     return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=True))

@@ -131,11 +131,11 @@ def test_values_out_of_their_limits_cannot_be_shown(addon: None) -> None:
 def test_a_button_that_cannot_run_says_why(scene: bpy.types.Scene) -> None:
     lacks = part("stages").lacks
     assert lacks("capture", scene) == ""
-    assert "no capture yet" in lacks("shape", scene)
-    assert "no shape yet" in lacks("material", scene)
+    assert "No capture" in lacks("shape", scene)
+    assert "No shape" in lacks("material", scene)
     assert not bpy.ops.lightsphere.shape.poll()
     scene.lightsphere.capture_folder = "//nowhere"
-    assert "no finished capture" in lacks("shape", scene)
+    assert "No finished capture" in lacks("shape", scene)
     scene.lightsphere.capture.rig = "scene"
     assert "add one" in lacks("capture", scene)
     scene.camera = None
