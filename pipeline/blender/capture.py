@@ -170,7 +170,7 @@ def _render_all(
 ) -> Work[None]:
     """Render the pictures not done, here and in workers, noting each in ``done`` and the journal."""
     pending = deque(i for i, name in enumerate(started.files) if not done[name])
-    total, processor_cores = len(started), os.cpu_count() or 1
+    total, processor_cores = len(started), _processor_cores()
     processes = max(1, min(processes or processor_cores, len(pending)))
     threads = max(1, processor_cores // processes)
     words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
@@ -190,3 +190,9 @@ def _render_all(
                     yield note(other, checksum)
         for other, checksum in pool.finished(wait=True):
             yield note(other, checksum)
+
+
+def _processor_cores() -> int:
+    """Return how many cores this process may use."""
+    count = getattr(os, "process_cpu_count", os.cpu_count)  # the former from Python 3.13 on
+    return count() or 1

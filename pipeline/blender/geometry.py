@@ -16,6 +16,8 @@ RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 def object_triangles(scene: bpy.types.Scene) -> NDArray[np.float64]:
     """Return the corners (T, 3, 3) of the object's triangles, world space [m], modifiers and instances applied.
 
+    Not modelled: what a render shows but the viewport hides, and modifiers that differ between the two.
+
     Raises
     ------
     LightsphereError

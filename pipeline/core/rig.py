@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from . import light_file
 from .capture_settings import CaptureSettings
@@ -91,9 +91,15 @@ def hemisphere(count: int) -> NDArray[np.float64]:
 
 
 def edges(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the edges (E, 2) of the triangles that join the points of a star-shaped surface about a centre."""
+    """Return the edges (E, 2) of the triangles that join the points of a star-shaped surface about a centre.
+
+    Points that span no volume have none.
+    """
     rays = points - centre
-    hull = ConvexHull(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    try:
+        hull = ConvexHull(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    except (QhullError, ValueError):  # too few, or all in one plane with the centre
+        return np.empty((0, 2), np.int64)
     sides = np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]])
     return np.unique(np.sort(sides, axis=1), axis=0).astype(np.int64)
 

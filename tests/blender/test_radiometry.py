@@ -143,3 +143,24 @@ def test_truth_is_where_the_rays_hit(lambert: Capture) -> None:
     assert (truth.material[mask] == 1).all()
     flipped = origins[::-1] + truth.depth[..., None] * directions[::-1]
     assert abs(flipped - truth.position)[mask].max() > 0.1
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"sensor_fit": "VERTICAL", "sensor_width": 50.0, "lens": 60.0},
+        {"sensor_fit": "HORIZONTAL", "sensor_height": 50.0, "shift_x": 0.1, "shift_y": -0.2},
+        {"type": "ORTHO", "ortho_scale": 2.5, "shift_x": 0.1},
+    ],
+)
+def test_every_camera_has_its_rays(tmp_path: Path, settings: dict[str, object]) -> None:
+    scene = small_scenes.lambert(ALBEDO)
+    for name, value in settings.items():
+        setattr(scene.camera.data, name, value)
+    scene.camera.scale = (2, 2, 2)  # Blender's cameras do not scale
+    made = taken(scene, tmp_path)
+    truth, mask = made.truth(), made.mask()
+    assert truth is not None and mask.sum() > 300
+    origins, directions = made.camera.rays()
+    hit = origins + truth.depth[..., None] * directions
+    assert abs(hit - truth.position)[mask].max() < tolerances.POSITION_PIXELS * 7.3 / 100

@@ -80,6 +80,7 @@ def test_edges_of_a_star_shaped_surface_close() -> None:
     points = rig.sphere(60) * (1 + 0.3 * np.sin(np.arange(60)))[:, None]
     edges = rig.edges(points, ORIGIN)
     assert len(edges) == 3 * 60 - 6  # Euler, triangles only
+    assert len(rig.edges(points[:3], ORIGIN)) == len(rig.edges(points * (1, 1, 0), ORIGIN)) == 0
 
 
 @pytest.mark.parametrize(
