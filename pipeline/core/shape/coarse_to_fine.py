@@ -133,15 +133,27 @@ def _in_company(views: Views, solution: Solution, done: int, total: int) -> Work
         expected, precision = _neighbours_lobes(views.mask, solution, chosen)
         for start in range(0, len(chosen), BLOCK):
             part = slice(start, start + BLOCK)
-            summaries = joint.sweep_known(
-                chosen[part], solution.state, solution.score, solution.kind, views.rays, views.near, views.far,
-                views.values, views.positions, views.noise, expected[part], precision[part],
-            )  # fmt: skip
-            taken = np.isfinite(summaries[:, 0])
-            solution.spread[chosen[part][taken]], solution.deviation[chosen[part][taken]] = summaries[taken].T
+            refit(views, solution, chosen[part], expected[part], precision[part], joint.CONTRADICTION)
             yield Progress("shape", done + min(start + BLOCK, len(chosen)), total, "pixels")
         done += len(views.rays)
         yield Progress("shape", done, total, "pixels")
+
+
+def refit(
+    views: Views,
+    solution: Solution,
+    pixels: NDArray[np.int64],
+    expected: NDArray[np.float64],
+    precision: NDArray[np.float64],
+    contradiction: float,
+) -> None:
+    """Refine some pixels with what is known of their unknowns, unless that raises the misfit by more than a factor."""
+    summaries = joint.sweep_known(
+        pixels, solution.state, solution.score, solution.kind, views.rays, views.near, views.far,
+        views.values, views.positions, views.noise, expected, precision, contradiction,
+    )  # fmt: skip
+    taken = np.isfinite(summaries[:, 0])
+    solution.spread[pixels[taken]], solution.deviation[pixels[taken]] = summaries[taken].T
 
 
 def _neighbours_lobes(

@@ -27,6 +27,8 @@ from .lobe import (
 
 ROUNDING = 1e-6  # residuals below this share of the median root are the rounding of float pictures
 FIRST_DAMPING = 1e-3
+# Where each unknown stands in the state; nothing is ever known of the two that turn the normal.
+PLACES = (DEPTH, -1, -1, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE)
 
 
 @kernel
@@ -96,10 +98,11 @@ def normal_equations(state, pixel, residuals, jacobian, sigma, a, g):  # type: i
     for j in range(UNKNOWNS):
         for k in range(j):
             a[k, j] = a[j, k]
-    for j in range(LOG_ALPHA, STATE):
-        known = sigma * sigma * pixel.precision[j - 1]
-        a[j - 1, j - 1] += known
-        g[j - 1] += known * (state[j] - pixel.expected[j - 1])
+    for j in range(UNKNOWNS):
+        known = sigma * sigma * pixel.precision[j]
+        if known > 0.0:
+            a[j, j] += known
+            g[j] += known * (state[PLACES[j]] - pixel.expected[j])
 
 
 @kernel
@@ -107,8 +110,9 @@ def objective(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore
     """Return the cost of the pictures plus that of leaving what is known beforehand, per lit light."""
     cost = evaluate(state, glossy, pixel, sigma, residuals, jacobian)
     departure = 0.0
-    for j in range(LOG_ALPHA, STATE):
-        departure += pixel.precision[j - 1] * (state[j] - pixel.expected[j - 1]) ** 2
+    for j in range(UNKNOWNS):
+        if pixel.precision[j] > 0.0:
+            departure += pixel.precision[j] * (state[PLACES[j]] - pixel.expected[j]) ** 2
     return cost + departure / len(residuals)
 
 

@@ -190,9 +190,9 @@ def sweep(  # type: ignore[no-untyped-def]
 
 @parallel_kernel
 def sweep_known(  # type: ignore[no-untyped-def]
-    pixels, states, scores, kinds, rays, near, far, values, positions, noise, expected, precision
+    pixels, states, scores, kinds, rays, near, far, values, positions, noise, expected, precision, contradiction
 ):
-    """Refine glossy pixels in place with what is known of their lobes beforehand.
+    """Refine pixels in place with what is known of their unknowns beforehand.
 
     Returns relative spread and depth deviation of each; a pixel whose pictures contradict what is expected of it keeps
     its state, and its row is NaN.
@@ -203,9 +203,10 @@ def sweep_known(  # type: ignore[no-untyped-def]
         pixel = gather(values[own], rays[own], near[own], far[own], positions, noise, expected[i], precision[i], 1)
         summary = np.empty(2)
         trial = states[own].copy()
-        refine(trial, True, pixel, FULL[1:], STEPS, summary)
-        score = score_of(trial, True, pixel)
-        if score < CONTRADICTION * scores[own] + 1e-6:
+        glossy = kinds[own] == GLOSSY
+        refine(trial, glossy, pixel, FULL[1:], STEPS, summary)
+        score = score_of(trial, glossy, pixel)
+        if score < contradiction * scores[own] + 1e-6:
             states[own] = trial
             scores[own] = score
             summaries[i, 0] = summary[0] / pixel.middle
