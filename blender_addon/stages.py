@@ -57,7 +57,7 @@ class Capture(Stage):
         return ["capture", str(copy), "-o", str(folder), *settings.options(chosen)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        properties.of(scene).capture_folder = str(folder)
+        properties.of(scene).capture_folder = shown(folder)
         pictures = results.pictures(folder)
         return f"{pictures} pictures in {folder}"
 
@@ -80,7 +80,7 @@ class Shape(Stage):
         return ["shape", str(capture), "-o", str(folder), *settings.options(chosen)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        properties.of(scene).shape_folder = str(folder)
+        properties.of(scene).shape_folder = shown(folder)
         return f"The mesh {results.mesh(scene, folder).name!r} is in the scene"
 
 
@@ -182,6 +182,11 @@ def lacks_rig(scene: bpy.types.Scene) -> str:
 def absolute(folder: str) -> Path:
     """Return a folder of the artist's as an absolute path."""
     return Path(bpy.path.abspath(folder))
+
+
+def shown(folder: Path) -> str:
+    """Return a result's folder as the scene keeps it: relative to a saved file, so that both can move together."""
+    return bpy.path.relpath(str(folder)) if bpy.data.filepath else str(folder)
 
 
 def results_folder() -> Path:
