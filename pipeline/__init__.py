@@ -11,6 +11,7 @@ Layers
 ------
 ``pipeline.core``      arrays in, arrays out; no bpy.
 ``pipeline.blender``   bpy without user interface: scenes, rig, Cycles, meshes, materials.
+``pipeline.report``    pictures and pages for people, by matplotlib and HTML; imports core alone.
 ``pipeline.commands``  one file per command; ``pipeline.cli`` puts them together.
 
 Conventions

@@ -19,9 +19,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "pipeline/core": (NUMERIC, {"pipeline/core"}),
     "pipeline/blender": (NUMERIC | BLENDER, {"pipeline/core", "pipeline/blender"}),
     "pipeline/commands": (
-        NUMERIC | {"bpy", "typer", "rich", "matplotlib"},
-        {"pipeline/core", "pipeline/blender", "pipeline/commands"},
+        NUMERIC | {"bpy", "typer", "rich"},
+        {"pipeline/core", "pipeline/blender", "pipeline/report", "pipeline/commands"},
     ),
+    "pipeline/report": (NUMERIC | {"matplotlib"}, {"pipeline/core", "pipeline/report"}),
     "scenes": ({"numpy"} | BLENDER, {"scenes"}),
     "blender_addon": ({"bpy"}, {"blender_addon", "pipeline"}),
 }
@@ -73,6 +74,8 @@ def test_every_file_keeps_to_the_table(folder: str) -> None:
         ("pipeline/core", "import torch"),
         ("pipeline/blender", "from ..commands import stage"),
         ("pipeline/blender", "import typer"),
+        ("pipeline/blender", "import matplotlib"),
+        ("pipeline/report", "import bpy"),
         ("blender_addon", "import numpy as np"),
         ("scenes", "from ..pipeline.core import images"),
     ],

@@ -14,3 +14,21 @@ POSITION_PIXELS = 2e-3
 HALF = 2**-11
 # A second user of a mesh moves the ray-triangle test into object space: rounding alone.
 MESH_CACHE = 1e-4
+
+# Shape as a mesh, first reflectance
+# A mesh keeps float64; its points come from float32 depths of 1 to 10 m.
+MESH_POINT = 2e-6
+# PLY files keep float32.
+SINGLE = 1e-6
+# Pictures are float32 and the table of roughnesses is refined by a parabola: a planted lobe comes back within these.
+PLANTED_ALBEDO = 0.01
+PLANTED_SPECULAR = 0.03
+PLANTED_ROUGHNESS = 0.01
+# Held-out pictures of a planted material, relative RMS; a 5 % wrong albedo must not pass.
+HELD_OUT = 0.02
+# Cycles against the closed form of the recovered lobes, direct light: GGX as above, on textures of half float.
+NODES = 3e-3
+# Textures are packed as half floats.
+TEXTURE = 2**-11
+# A camera's lens and shift are float32 in Blender.
+CAMERA_PIXELS = 1e-3

@@ -23,6 +23,8 @@ from ..shape import Shape
 from . import Reflectance, ReflectanceSettings, lobes
 
 ROUGHNESSES = np.geomspace(0.06, 1.0, 24)
+STEP = float(np.log(ROUGHNESSES[1] / ROUGHNESSES[0]))
+FINER = 9
 EDGES = np.array([0.0, 0.5, 1.0])
 WORTH_A_CLUSTER = 0.1  # share of the cost that one more roughness must save, of the whole and of a pixel
 PRIOR_PULL = 0.05  # of the median pixel's knowledge of its specular colour
@@ -78,32 +80,18 @@ def fit(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> Work[R
     unseen = lights % settings.held_out == settings.held_out // 2
     if unseen.all() or not unseen.any():
         raise LightsphereError(f"{len(capture)} lights are too few to hold some out; capture more lights")
-    tiles = _tiles(int(known.sum()), len(capture), settings.memory)
-    table = np.empty((int(known.sum()), len(ROUGHNESSES), 18))
-    grid = np.broadcast_to(ROUGHNESSES**2, table.shape[:2])
-    for tile in tiles:
-        y, weight = yield from _apparent(capture, known, pixels, tile)
-        _sums(pixels.part(tile), capture, y, weight, ~unseen, grid[tile], table[tile])
-    owner, roughness = shared_roughness(table, settings.clusters)
-    refined = np.empty((len(table), 1, 18))
-    for tile in tiles:
-        if len(tiles) > 1:
-            y, weight = yield from _apparent(capture, known, pixels, tile)
-        _sums(pixels.part(tile), capture, y, weight, ~unseen, roughness[owner[tile], None] ** 2, refined[tile])
-    maps = np.empty((len(table), 8))
+    seen = _Seen(capture, known, pixels, settings.memory)
+    grid = np.broadcast_to(ROUGHNESSES, (len(pixels.points), len(ROUGHNESSES)))
+    owner, roughness = shared_roughness((yield from seen.sums(~unseen, grid)), settings.clusters)
+    near = roughness[owner, None] * np.exp(np.linspace(-0.5, 0.5, FINER) * STEP)
+    roughness = finer_roughness((yield from seen.sums(~unseen, np.minimum(near, 1.0))), owner, roughness)
+    final = (yield from seen.sums(~unseen, roughness[owner, None]))[:, 0]
+    maps = np.empty((len(final), 8))
     maps[:, 7] = roughness[owner] ** 2
     for cluster in np.unique(owner):
         own = owner == cluster
-        maps[own, :7] = _solve(refined[own, 0])
-    squares = np.empty((len(table), 2))
-    for tile in tiles:
-        if len(tiles) > 1:
-            y, weight = yield from _apparent(capture, known, pixels, tile)
-        part = pixels.part(tile)
-        lobes.held_out_squares(
-            part.points, part.normals, part.views, capture.lights.position[unseen],
-            y[:, unseen], weight[:, unseen], maps[tile], squares[tile],
-        )  # fmt: skip
+        maps[own, :7] = _solve(final[own])
+    squares = yield from seen.squares(unseen, maps)
     return _reflectance(shape, known, maps, squares, settings, int(unseen.sum()))
 
 
@@ -141,8 +129,26 @@ def shared_roughness(table: NDArray[np.float64], clusters: int) -> tuple[NDArray
     for cluster, column in enumerate(chosen):
         row, edge = divmod(column, len(EDGES))
         totals = costs[owner == cluster][:, edge :: len(EDGES)].sum(axis=0)
-        values[cluster] = np.exp(_bottom(np.log(ROUGHNESSES), totals, row))
+        values[cluster] = min(np.exp(_bottom(np.log(ROUGHNESSES), totals, row)), 1.0)
     return owner, values
+
+
+def finer_roughness(
+    table: NDArray[np.float64], owner: NDArray[np.int64], roughness: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Refine each cluster's roughness on a table of FINER roughnesses within half a step of it."""
+    places = np.linspace(-0.5, 0.5, FINER) * STEP
+    energy = np.maximum(table[:, 0, 9::4].sum(axis=-1), 1e-30)
+    values = roughness.copy()
+    for cluster in range(len(roughness)):
+        own = owner == cluster
+        if not own.any():
+            continue
+        totals = np.array(
+            [min(float((_cost(table[own, a], e) / energy[own]).sum()) for e in EDGES) for a in range(FINER)]
+        )
+        values[cluster] = min(roughness[cluster] * np.exp(_bottom(places, totals, int(np.argmin(totals)))), 1.0)
+    return values
 
 
 def _cost(equations: NDArray[np.float64], edge: float) -> NDArray[np.float64]:
@@ -184,44 +190,60 @@ def _geometry(shape: Shape, known: NDArray[np.bool_]) -> _Pixels:
     return _Pixels(shape.points()[known], normals, -directions[known])
 
 
-def _tiles(pixels: int, lights: int, memory: float) -> list[slice]:
-    """Cut the pixels so that radiance, apparent BRDF and weight of a tile take at most so many MB."""
-    rows = max(1, int(memory * 2**20 / (lights * 7 * 4)))
-    return [slice(start, min(start + rows, pixels)) for start in range(0, pixels, rows)]
+class _Seen:
+    """What the known pixels saw of the lights, read by tiles of bounded memory; a single tile is read once."""
 
+    def __init__(self, capture: Capture, known: NDArray[np.bool_], pixels: _Pixels, memory: float) -> None:
+        self.capture = capture
+        self.pixels = pixels
+        self.place = np.nonzero(known)
+        count, lights = len(pixels.points), len(capture)
+        rows = max(1, int(memory * 2**20 / (lights * 7 * 4)))  # radiance, apparent BRDF and weight
+        self.tiles = [slice(start, min(start + rows, count)) for start in range(0, count, rows)]
+        self.kept: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
 
-def _apparent(
-    capture: Capture, known: NDArray[np.bool_], pixels: _Pixels, tile: slice
-) -> Work[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-    """Read a tile's apparent BRDFs (P, L, 3) and how far each is lit (P, L)."""
-    part = pixels.part(tile)
-    row, column = (index[tile] for index in np.nonzero(known))
-    values = np.empty((len(row), len(capture), 3), np.float32)
-    limit = float(capture.notes.get("saturation", np.inf))
-    for light in range(len(capture)):
-        seen = capture.image(light)[row, column]
-        seen = np.where((seen < limit) & np.isfinite(seen), seen, np.nan)
-        values[:, light] = seen / np.maximum(capture.lights.intensity[light], 1e-30)
-        yield Progress("reflectance", light + 1, len(capture), "pictures")
-    y = np.empty_like(values)
-    weight = np.empty(values.shape[:2], np.float32)
-    lobes.visibility(part.points, part.normals, capture.lights.position, values, y, weight)
-    return y, weight
+    def sums(self, used: NDArray[np.bool_], roughness: NDArray[np.float64]) -> Work[NDArray[np.float64]]:
+        """Return the sums of :func:`pipeline.core.reflectance.lobes.sums` at roughnesses (P, A), (P, A, 18)."""
+        out = np.empty((*roughness.shape, 18))
+        lights = self.capture.lights.position[used]
+        for tile in self.tiles:
+            y, weight = yield from self._apparent(tile)
+            part = self.pixels.part(tile)
+            alphas = np.ascontiguousarray(roughness[tile] ** 2)
+            lobes.sums(part.points, part.normals, part.views, lights, y[:, used], weight[:, used], alphas, out[tile])
+        return out
 
+    def squares(self, used: NDArray[np.bool_], maps: NDArray[np.float64]) -> Work[NDArray[np.float64]]:
+        """Return the sums of :func:`pipeline.core.reflectance.lobes.held_out_squares`, (P, 2)."""
+        out = np.empty((len(maps), 2))
+        lights = self.capture.lights.position[used]
+        for tile in self.tiles:
+            y, weight = yield from self._apparent(tile)
+            part = self.pixels.part(tile)
+            lobes.held_out_squares(
+                part.points, part.normals, part.views, lights, y[:, used], weight[:, used], maps[tile], out[tile]
+            )
+        return out
 
-def _sums(
-    part: _Pixels,
-    capture: Capture,
-    y: NDArray[np.float32],
-    weight: NDArray[np.float32],
-    used: NDArray[np.bool_],
-    alphas: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    lights = capture.lights.position[used]
-    lobes.sums(
-        part.points, part.normals, part.views, lights, y[:, used], weight[:, used], np.ascontiguousarray(alphas), out
-    )
+    def _apparent(self, tile: slice) -> Work[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+        """Return a tile's apparent BRDFs (P, L, 3) and how far each is lit (P, L)."""
+        if self.kept is not None:
+            return self.kept
+        capture, part = self.capture, self.pixels.part(tile)
+        row, column = (index[tile] for index in self.place)
+        values = np.empty((len(row), len(capture), 3), np.float32)
+        limit = float(capture.notes.get("saturation", np.inf))
+        for light in range(len(capture)):
+            seen = capture.image(light)[row, column]
+            seen = np.where((seen < limit) & np.isfinite(seen), seen, np.nan)
+            values[:, light] = seen / np.maximum(capture.lights.intensity[light], 1e-30)
+            yield Progress("reflectance", light + 1, len(capture), "pictures")
+        y = np.empty_like(values)
+        weight = np.empty(values.shape[:2], np.float32)
+        lobes.visibility(part.points, part.normals, capture.lights.position, values, y, weight)
+        if len(self.tiles) == 1:
+            self.kept = y, weight
+        return y, weight
 
 
 def _reflectance(
