@@ -33,7 +33,7 @@ NEW_VIEW_DEGREES = 32.0
 VIEW_PIXELS = 480
 VIEW_PASSES, VIEW_SAMPLES = 6, 8
 NEW_LAMPS = 16
-FRACTIONS = (0.25, 0.5, 1.0)
+FRACTIONS = (0.1, 0.25, 1.0)  # of the capture's lights; the last is the demo's own shape
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Demo:
         return [
             Stage("plan", 6, {"plan": 1}, ("effects.json",), self._plan),
             Stage("capture", rendering, {"plan": 0.1, "render": 0.9}, ("capture/capture.json",), self._capture),
-            Stage("shape", 24 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
+            Stage("shape", 18 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
             Stage("material", 3, {"reflectance": 0.4}, ("asset.blend", "reflectance/reflectance.json"), self._material),
             Stage("views", 16, {"relight": 0.2, "true": 0.4, "asset": 0.4}, ("views/asset.exr",), self._views),
             Stage("report", 5, {"report": 1}, ("report.html", "metrics.json", "teaser.png"), self._report),
@@ -206,9 +206,11 @@ class Demo:
         }
         trials = [Trial(**row) for row in self._read("tradeoff.json")]
         simulated = {effect["effect"] for effect in capture.notes["effects"] if effect["simulated"]}
-        effects = [{**e, "simulated": e["effect"] in simulated} for e in self._read("effects.json")]
+        effects = [
+            {**e, "wanted": e["simulated"], "simulated": e["effect"] in simulated} for e in self._read("effects.json")
+        ]
         results = Results(
-            self.scene, capture, truth, shape, relief(shape), pictures["asset"], pictures["true"],
+            _described(self.scene), capture, truth, shape, relief(shape), pictures["asset"], pictures["true"],
             errors, trials, self.record["seconds"], effects, self.settings.effects,
         )  # fmt: skip
         images.write_text(self.folder / "report.html", report(results))
@@ -252,6 +254,14 @@ def new_lamps(capture: Capture) -> Lights:
     chosen = directions[np.argsort(-front)[:NEW_LAMPS]]
     intensity = np.repeat(capture.lights.intensity[:1], NEW_LAMPS, axis=0)
     return Lights("near", centre + (inner + outer) / 2 * chosen, intensity, np.full(NEW_LAMPS, 2))
+
+
+def _described(name: str) -> str:
+    """The scene in words."""
+    from ..blender.scene import library
+
+    scenes = library()
+    return str(scenes[name].description) if name in scenes else Path(name).stem
 
 
 def _backward(camera: Camera) -> Any:

@@ -34,6 +34,14 @@ MEANING = {
     "new_view_rel_rmse": ("Asset in Cycles from a new view against the true object", ""),
 }
 
+BIAS = "worth it for a picture, but a bias for the depth"
+STAGES = {
+    "plan": "Find out which effects matter",
+    "capture": "Render the pictures",
+    "shape": "Solve the shape, at three settings",
+    "material": "Fit the material, write the asset",
+    "views": "Render the new views",
+}
 CHOICES = {
     "direct": "Light that bounces from surface to surface was measured on a few small pictures, and left out of the "
     "capture: the method compares lamps that stand behind each other, and bounced light, which does not come from the "
@@ -103,6 +111,7 @@ def report(results: Results) -> str:
 
 def _head(r: Results) -> str:
     errors = r.errors
+    size = r.truth.diameter
     return (
         html.text("Lightsphere report", "kicker")
         + f"<h1>{r.scene[:1].upper() + r.scene[1:]}, recovered from {len(r.capture)} pictures</h1>"
@@ -114,7 +123,7 @@ def _head(r: Results) -> str:
         )
         + html.facts(
             [
-                (f"{errors['depth_median_pct']:.2g} %", "usual depth error, of the object's size"),
+                (length(errors["depth_median_pct"] / 100 * size), f"usual depth error, on an object of {length(size)}"),
                 (f"{errors['normal_mae_deg']:.2g}°", "mean error of the surface's direction"),
                 (f"{100 * errors['relight_rel_rmse']:.2g} %", "error of its pictures under new lamps"),
                 (f"{sum(r.seconds.values()):.0f} s", "for everything on this page"),
@@ -123,16 +132,27 @@ def _head(r: Results) -> str:
     )
 
 
+def length(metres: float) -> str:
+    """Say a length in the unit that suits it.
+
+    Examples
+    --------
+    >>> length(2.4), length(0.0035), length(4e-6)
+    ('2.4 m', '3.5 mm', '0.004 mm')
+    """
+    return f"{metres:.2g} m" if metres >= 0.1 else f"{1000 * metres:.2g} mm"
+
+
 def _input(r: Results) -> str:
     strips = []
-    for surface, words in (("inner", "nearer"), ("outer", "farther")):
+    for surface, words in (("inner", "nearer to"), ("outer", "farther from")):
         lights = telling_lights(r.capture, surface, SAMPLES)
         pictures = [r.capture.image(int(light)) for light in lights]
         exposure = style.exposure_for(np.stack(pictures), 97)
         shown = [html.figure(style.picture_png(style.display(p, exposure)), "", "", "pixels") for p in pictures]
         count = len(r.capture.lights.on(surface))
-        strips.append(html.text(f"Lamps on the {surface} sphere, {words} to the object: {SAMPLES} of {count}."))
-        strips.append(html.row(shown))
+        strips.append(html.text(f"Lamps on the {surface} sphere, {words} the object: {SAMPLES} of {count}.", "soft"))
+        strips.append(html.row(shown, "row strip"))
     width, height = r.capture.camera.resolution
     return html.section(
         "What went in",
@@ -157,37 +177,38 @@ def telling_lights(capture: Capture, surface: str, count: int) -> NDArray[np.int
 
 def _shape(r: Results) -> str:
     mask = r.capture.mask()
-    depth = np.where(mask, r.shape.depth, np.nan)
+    part = around(mask)
+    depth = np.where(mask, r.shape.depth, np.nan)[part]
     low, high = np.nanpercentile(depth, [0.5, 99.5])
-    error = np.where(mask, depth_error_pct(r.shape, r.truth), np.nan)
-    confidence = np.where(mask, r.shape.confidence, np.nan)
-    least, most = np.nanpercentile(confidence, [1, 99])
+    error = np.where(mask, depth_error_pct(r.shape, r.truth), np.nan)[part]
+    rank = np.where(mask, ranks(r.shape.confidence, mask), np.nan)[part]
+    normal = np.where(mask[..., None], r.shape.normal, np.nan)[part]
     shown = [
         html.figure(
             style.picture_png(style.mapped(depth, low, high, style.DEPTH)),
             "Depth.",
-            "Distance from the camera; light is near.",
+            "Distance from the camera; yellow is near.",
             "pixels",
-            figures.scale_bar(low, high, style.DEPTH, "m"),
+            figures.scale_bar(low, high, style.DEPTH, "metres"),
         ),
         html.figure(
             style.picture_png(style.mapped(error, *ERROR_DECADES, style.ERROR, logarithmic=True)),
             "Depth error.",
-            "Against the truth, each step of the scale ten times the last.",
+            "Against the truth; each step of the scale is ten times the one before.",
             "pixels",
             figures.scale_bar(*ERROR_DECADES, style.ERROR, "% of the object's size", logarithmic=True),
         ),
         html.figure(
-            style.picture_png(style.mapped(confidence, least, most, style.CONFIDENCE)),
+            style.picture_png(style.mapped(rank, 0.0, 1.0, style.CONFIDENCE)),
             "Confidence.",
-            "What the program itself thinks of each pixel, without knowing the truth.",
+            "How the program itself ranks its pixels, not knowing the truth.",
             "pixels",
-            figures.scale_bar(least, most, style.CONFIDENCE, "0 lost, 1 certain"),
+            figures.word_scale(style.CONFIDENCE, "least sure", "surest"),
         ),
         html.figure(
-            style.picture_png(figures.normal_colours(np.where(mask[..., None], r.shape.normal, np.nan))),
+            style.picture_png(figures.normal_colours(normal)),
             "Surface direction.",
-            "Red faces right, green up, blue the viewer.",
+            "Pink faces right, green up, blue the viewer.",
             "pixels",
             figures.direction_key(),
         ),
@@ -195,11 +216,26 @@ def _shape(r: Results) -> str:
     return html.section(
         "What came out: the shape",
         html.text(
-            "Every pixel of the object has a distance and a direction of its own. No pixel was told what material it "
-            "shows, and the true shape was used only afterwards, to measure the errors."
+            "Every pixel of the object has a distance and a direction of its own. The program was not told of what "
+            "material anything is, and the true shape was used only afterwards, to measure the errors."
         ),
         html.row(shown),
     )
+
+
+def around(mask: NDArray[np.bool_], margin: int = 3) -> tuple[slice, slice]:
+    """Return the part of a picture that holds the mask."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    first, last = (np.array([rows[i], columns[i]]) for i in (0, -1))
+    return tuple(slice(max(a - margin, 0), b + margin + 1) for a, b in zip(first, last, strict=True))  # type: ignore
+
+
+def ranks(values: NDArray[Any], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the rank of every pixel among those of the mask, from 0 to 1."""
+    result = np.zeros(mask.shape)
+    order = np.argsort(np.argsort(values[mask], kind="stable"), kind="stable")
+    result[mask] = order / max(len(order) - 1, 1)
+    return result
 
 
 def _mesh(r: Results) -> str:
@@ -291,7 +327,7 @@ def _effects(r: Results) -> str:
                 f"{share:.1f} %" if share is not None else "not measured",
                 f"{cost:.0f} x" if cost is not None else "–",
                 "yes" if effect["simulated"] else "no",
-                effect["reason"],
+                BIAS if effect["wanted"] and not effect["simulated"] else effect["reason"],
             ]
         )
     heads = ["Effect", "Share of the light", "Render time", "Simulated", "Why"]
@@ -301,7 +337,7 @@ def _effects(r: Results) -> str:
 
 
 def _time(r: Results) -> str:
-    entries = [(stage, seconds, f"{seconds:.1f} s") for stage, seconds in r.seconds.items()]
+    entries = [(STAGES.get(stage, stage), seconds, f"{seconds:.1f} s") for stage, seconds in r.seconds.items()]
     return html.section("Where the time went", html.bars(entries))
 
 

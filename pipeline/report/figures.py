@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from ..core.camera import Camera
@@ -19,20 +19,33 @@ from ..core.shape.mesh import Mesh
 from ..core.tradeoff import Trial
 from . import style
 
+KEY_SIZE = (2.3, 0.46)  # inches; all keys alike, so that pictures beside each other line up
+
 
 def scale_bar(low: float, high: float, colours: str, label: str, logarithmic: bool = False) -> bytes:
-    """Draw a horizontal colour scale."""
-    figure = Figure(figsize=(3.2, 0.42))
-    axes = figure.add_axes((0.02, 0.55, 0.96, 0.4))
+    """Draw a horizontal colour scale, its ends and, where it is logarithmic, its decades marked."""
+    figure = Figure(figsize=KEY_SIZE)
+    axes = figure.add_axes((0.08, 0.66, 0.84, 0.22))
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
-    bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, orientation="horizontal")
+    ticks = np.geomspace(low, high, round(np.log10(high / low)) + 1) if logarithmic else np.linspace(low, high, 3)
+    bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, orientation="horizontal", ticks=ticks)
     bar.outline.set_visible(False)
-    bar.set_label(label, fontsize=8, labelpad=2)
-    bar.ax.tick_params(size=2, width=0.5, labelsize=7, which="major")
+    bar.set_label(label, fontsize=7, labelpad=2)
+    bar.ax.tick_params(size=0, labelsize=7, pad=2)
     bar.ax.minorticks_off()
-    if logarithmic:
-        bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    return style.plot_png(figure)
+    bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    return style.plot_png(figure, dpi=300, tight=False)
+
+
+def word_scale(colours: str, low: str, high: str) -> bytes:
+    """Draw a horizontal colour scale with a word at either end."""
+    figure = Figure(figsize=KEY_SIZE)
+    axes = figure.add_axes((0.08, 0.66, 0.84, 0.22))
+    axes.imshow(np.linspace(0, 1, 256)[None], aspect="auto", cmap=colours)
+    axes.set_axis_off()
+    for place, words, side in ((0.08, low, "left"), (0.92, high, "right")):
+        figure.text(place, 0.44, words, fontsize=7, color=style.SOFT, ha=side, va="center")
+    return style.plot_png(figure, dpi=300, tight=False)
 
 
 def normal_colours(normal: NDArray[Any]) -> NDArray[np.float64]:
@@ -49,11 +62,11 @@ def direction_key() -> bytes:
     x, y = np.meshgrid(span, -span)
     inside = x**2 + y**2 < 1
     ball = np.stack([x, y, np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))], axis=-1)
-    figure = Figure(figsize=(3.2, 0.42))
-    axes = figure.add_axes((0.4, 0.0, 0.2, 1.0))
+    figure = Figure(figsize=KEY_SIZE)
+    axes = figure.add_axes((0.35, 0.02, 0.3, 0.96))
     axes.imshow(normal_colours(np.where(inside[..., None], ball, np.nan)))
     axes.set_axis_off()
-    return style.plot_png(figure)
+    return style.plot_png(figure, dpi=300, tight=False)
 
 
 def wireframe(mesh: Mesh, camera: Camera, azimuths: Sequence[float]) -> list[bytes]:
@@ -88,11 +101,12 @@ def _wire(triangles: NDArray[np.float64], half: float, tall: float) -> bytes:
     triangles = triangles[np.argsort(triangles[:, :, 2].mean(axis=1))]
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     facing = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
-    front, back, edge = (np.array(to_rgb(c)) for c in ("#ffffff", "#e9cbb9", style.INK))
-    tone = np.where(facing[:, None] > 0, front - (1 - np.abs(facing[:, None])) * 0.22, back)
+    light = np.clip(normal @ (0.45, 0.55, 0.7) / np.maximum(np.linalg.norm(normal, axis=1), 1e-30), 0, 1)[:, None]
+    front, back, edge = (np.array(to_rgb(c)) for c in ("#ffffff", "#e9cbb9", "#8d969d"))
+    tone = np.where(facing[:, None] > 0, front * (0.78 + 0.22 * light), back)
     lines = np.where(facing[:, None] > 0, edge, to_rgb(style.WARM))
-    axes.add_collection(PolyCollection(triangles[:, :, :2], facecolors=tone, edgecolors=lines, linewidths=0.22))
-    return style.plot_png(figure, dpi=220)
+    axes.add_collection(PolyCollection(triangles[:, :, :2], facecolors=tone, edgecolors=lines, linewidths=0.25))
+    return style.plot_png(figure, dpi=320, tight=False)
 
 
 def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
@@ -122,20 +136,17 @@ def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
         )
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for axis in (axes.xaxis, axes.yaxis):
+    for axis, values in ((axes.xaxis, seconds), (axes.yaxis, errors)):
+        wide = values.max() > 30 * values.min()
+        axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if _leads(value) else ""))
-    axes.tick_params(which="both", size=0, labelsize=8)
+        axis.set_minor_locator(NullLocator())
+    axes.tick_params(size=0, labelsize=8)
     axes.grid(color=style.LINE, linewidth=0.6)
-    axes.margins(0.2)
+    axes.margins(0.2, 0.25)
     axes.set_xlabel("seconds to solve the shape")
     axes.set_ylabel(words)
     return style.plot_png(figure)
-
-
-def _leads(value: float) -> bool:
-    """Whether a tick is 2 or 5 times a power of ten."""
-    return round(value / 10 ** np.floor(np.log10(value))) in (2, 5)
 
 
 def heat(values: NDArray[Any], label: str, logarithmic: bool = True) -> bytes:

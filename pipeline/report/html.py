@@ -20,17 +20,19 @@ h1 {{ font-size: 46px; line-height: 1.12; margin: 10px 0 18px; max-width: 20em; 
 h2 {{ font-size: 28px; line-height: 1.2; margin: 0 0 10px; }}
 section {{ margin-top: 72px; padding-top: 28px; border-top: 1px solid var(--line); }}
 p {{ max-width: 44em; margin: 0 0 14px; }}
+.soft {{ color: var(--soft); font-size: 14.5px; margin: 18px 0 0; }}
 .kicker {{ color: var(--accent); font-size: 13px; letter-spacing: 0.12em; text-transform: uppercase; margin: 0; }}
 .lead {{ font-size: 19px; line-height: 1.5; }}
 .facts {{ display: flex; flex-wrap: wrap; gap: 14px 48px; margin: 30px 0 8px; padding: 0; list-style: none; }}
 .facts b {{ display: block; font: 400 30px/1.1 Georgia, "DejaVu Serif", serif; }}
 .facts span {{ color: var(--soft); font-size: 14px; }}
-.row {{ display: grid; gap: 24px; margin: 26px 0 8px; align-items: end; }}
+.row {{ display: grid; gap: 24px; margin: 26px 0 8px; align-items: start; }}
 figure {{ margin: 0; }}
 figure img {{ display: block; width: 100%; height: auto; }}
 figure img.pixels {{ image-rendering: pixelated; }}
 figure img.dark {{ background: #0d0e10; }}
-figure img.scale {{ width: 82%; margin: 8px auto 0; }}
+figure img.scale {{ width: 230px; max-width: 100%; margin: 10px auto 0; }}
+.strip {{ gap: 12px; margin: 10px 0 26px; }}
 figcaption {{ color: var(--soft); font-size: 13.5px; line-height: 1.4; margin-top: 9px; min-height: 2.8em; }}
 figcaption b {{ color: var(--ink); font-weight: 600; }}
 table {{ border-collapse: collapse; width: 100%; margin: 20px 0 8px; font-size: 15px; }}
@@ -84,10 +86,9 @@ def figure(png: bytes, title: str, words: str, kind: str = "", scale: bytes | No
     return f'<figure><img{_class(kind)} alt="{alternative}" src="{_uri(png)}">{below}{caption}</figure>'
 
 
-def row(figures: Sequence[str], columns: str = "") -> str:
-    """Return figures side by side, in equal columns or in those given as CSS."""
-    columns = columns or f"repeat({len(figures)}, 1fr)"
-    return f'<div class="row" style="grid-template-columns:{columns}">{"".join(figures)}</div>'
+def row(figures: Sequence[str], kind: str = "row") -> str:
+    """Return figures side by side in equal columns; ``kind`` ``"row strip"`` sets them closer."""
+    return f'<div class="{kind}" style="grid-template-columns:repeat({len(figures)}, 1fr)">{"".join(figures)}</div>'
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:

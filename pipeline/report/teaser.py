@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from . import figures, style
-from .demo import Results, telling_lights
+from .demo import Results, around, telling_lights
 
 WIDTH, HEIGHT = 1600, 620  # pixels
 TOP, BOTTOM = 92, 36
@@ -33,8 +33,7 @@ def teaser(results: Results) -> bytes:
     _caption(figure, left, f"{len(results.capture)} pictures, one lamp each")
     left += 2 * small + GAP + 44
     mask = results.capture.mask()
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    part = np.s_[max(rows[0] - 2, 0) : rows[-1] + 3, max(columns[0] - 2, 0) : columns[-1] + 3]
+    part = around(mask)
     depth = np.where(mask, results.shape.depth, np.nan)[part]
     low, high = np.nanpercentile(depth, [0.5, 99.5])
     normal = np.where(mask[..., None], results.shape.normal, np.nan)[part]
