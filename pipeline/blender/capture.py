@@ -58,11 +58,13 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
         started = _continued(scene, Capture.open(folder), started)
     else:
         started = yield from _begun(scene, started, settings)
-    for left in folder.glob(".*.part"):
-        left.unlink()
     journal = Journal(folder / JOURNAL)
     done = _intact(started, journal)
-    yield from _render_all(scene, source, started, settings.workers, done, journal)
+    try:
+        _remove_partial_files(folder)  # of a killed run
+        yield from _render_all(scene, source, started, settings.workers, done, journal)
+    finally:
+        _remove_partial_files(folder)  # of workers that were stopped
     finished = dataclasses.replace(started, checksums=tuple(done[name] for name in started.files))
     finished.save()
     journal.remove()
@@ -148,6 +150,11 @@ def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Captu
         with cycles.own_lights_hidden(scene):
             truth.write(scene, found.camera, found.folder)
     return found
+
+
+def _remove_partial_files(folder: Path) -> None:
+    for left in folder.glob(".*.part"):
+        left.unlink(missing_ok=True)
 
 
 def _is_intact(path: Path, checksum: str) -> bool:

@@ -21,7 +21,7 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(scenes)
     app.command()(plan)
     app.command()(capture)
-    app.command(hidden=True)(capture_worker)
+    app.command("capture-worker", hidden=True)(capture_worker)
     app.command()(shape)
     app.command()(reflectance)
     app.command()(material)

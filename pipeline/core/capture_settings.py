@@ -20,7 +20,7 @@ class CaptureSettings:
     radius_outer: float = setting(3.0, "radius of the outer sphere", unit="m", low=1e-6, high=1e6)
     resolution: int = setting(100, "width and height of the pictures", unit="px", low=2, high=16_384)
     effects: str = setting(
-        "auto", "light transport: auto (what the scene needs) or", choices=("auto", "direct", "full")
+        "auto", "light transport to simulate, auto takes what the scene needs", choices=("auto", "direct", "full")
     )
     samples: int = setting(64, "samples a pixel where light bounces", low=1, high=1_000_000)
     seed: int = setting(0, "seed of the samples", low=0, high=2**31 - 1)
@@ -36,5 +36,5 @@ class PlanSettings:
         1.0, "an effect is simulated from this share of the picture's light on", unit="%", low=0.0, high=100.0
     )
     probes: int = setting(4, "lights of the rig that are tried", low=1, high=1000)
-    probe_resolution: int = setting(48, "width and height of the trial pictures", unit="px", low=2, high=4096)
-    probe_samples: int = setting(64, "samples a pixel of the trial pictures", low=1, high=1_000_000)
+    probe_resolution: int = setting(40, "width and height of the trial pictures", unit="px", low=2, high=4096)
+    probe_samples: int = setting(32, "samples a pixel of the trial pictures", low=1, high=1_000_000)

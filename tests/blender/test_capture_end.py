@@ -80,7 +80,7 @@ def test_interrupt_ends_with_130_and_keeps_what_is_done(tmp_path: Path, undistur
     assert process.returncode == 130
     assert "interrupted" in err and "Traceback" not in err and err.count("\n") == 1
     kept = list(tmp_path.glob("light_*.exr"))
-    assert 10 <= len(kept) < 50
+    assert 10 <= len(kept) < 50 and not list(tmp_path.glob(".*"))
     recorded = Journal(tmp_path / "finished.sha256").read()
     assert len(kept) - len(recorded) <= 2  # a picture a process may be on disk and not noted yet
     assert cli.main(words(tmp_path)) == 0
