@@ -125,36 +125,36 @@ class Run:
 
     def event(self, kind: str) -> str:
         """Take a window event; return ``"running"``, ``"stopped"`` or ``"ended"``."""
+        global running
         if kind == "ESC":
-            self.stop()
-            return "stopped"
-        return "running" if self.task.poll() else "ended"
+            self.task.stop()
+        if self.task.poll():
+            return "running"
+        running = None
+        return "stopped" if self.task.stopped else "ended"
 
     def wait(self) -> None:
         """Wait for the end; an interrupt stops the worker and goes on to the caller."""
         try:
-            while self.task.poll():
+            while self.event("TIMER") == "running":
                 time.sleep(0.05)
         except BaseException:
             self.stop()
             raise
 
     def stop(self) -> None:
-        """Stop the worker; finished pictures are kept."""
-        self.task.stop()
-        self._over()
+        """Stop the worker and wait for its end; finished pictures are kept."""
+        while self.event("TIMER" if self.task.stopped else "ESC") == "running":
+            time.sleep(0.05)
 
     def bring(self) -> str:
         """Put the ended run's result into its scene; raise LightsphereError when the worker failed."""
-        self._over()
         if self.task.error:
             raise LightsphereError(self.task.error)
-        return self.stage.bring(bpy.data.scenes[self.scene_name], self.folder)
-
-    @staticmethod
-    def _over() -> None:
-        global running
-        running = None
+        scene = bpy.data.scenes.get(self.scene_name)
+        if scene is None:
+            raise LightsphereError(f"the scene {self.scene_name!r} is gone; the result is in {self.folder}")
+        return self.stage.bring(scene, self.folder)
 
 
 def stop() -> None:

@@ -8,11 +8,12 @@ import queue
 import signal
 import subprocess
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 POSIX = os.name == "posix"
-PATIENCE = 10.0  # [s] that a stopped worker has to finish the picture at hand
+PATIENCE = 20.0  # [s] that a stopped worker has to finish the picture at hand
 
 
 class Task:
@@ -24,13 +25,15 @@ class Task:
         The last step that it told.
     error : str
         Its last line on standard error, once it has ended with another status than 0.
+    stopped : float
+        When it was asked to stop [s], 0 when it was not.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str], first_words: str) -> None:
         """Start the command; the first words stand for its stage until it tells one."""
         self.stage, self.done, self.total, self.unit = first_words, 0.0, 0.0, ""
         self.error = ""
-        self.stopped = False
+        self.stopped = 0.0
         self._log: list[str] = []
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._process = subprocess.Popen(
@@ -53,6 +56,8 @@ class Task:
     def poll(self) -> bool:
         """Take in what the worker has told since the last call; return whether it still runs."""
         status = self._process.poll()
+        if status is None and self.stopped and time.monotonic() > self.stopped + PATIENCE:
+            self._process.kill()
         if status is not None:
             for reader in self._readers:
                 reader.join()
@@ -63,33 +68,19 @@ class Task:
             self.error = told[-1].removeprefix("lightsphere: ") if told else f"the worker ended with status {status}"
         return status is None
 
-    def wait(self, seconds: float) -> bool:
-        """Wait for the worker's end, but no longer than this; return whether it still runs."""
-        try:
-            self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            return True
-        return False
-
     def stop(self) -> None:
-        """Ask the worker to stop as Ctrl-C does, so that what is finished is kept; insist when it does not."""
-        self.stopped = True
-        self._signal(signal.SIGINT)
-        if self.wait(PATIENCE):
-            self._signal(signal.SIGKILL if POSIX else signal.SIGTERM)
-            self._process.wait()
-        self.poll()
-
-    def _signal(self, number: int) -> None:
+        """Ask the worker to stop as Ctrl-C does, so that what is finished is kept; it goes on for a moment."""
+        self.stopped = time.monotonic()
+        self.stage, self.total = "stopping", 0.0
         if self._process.poll() is not None:
             return
         if POSIX:
-            os.killpg(self._process.pid, number)
+            os.killpg(self._process.pid, signal.SIGINT)
         else:
             self._process.terminate()
 
     def _take(self, line: str) -> None:
-        if not line.startswith('{"stage"'):  # Cycles and Blender talk on the same stream
+        if self.stopped or not line.startswith('{"stage"'):  # Cycles and Blender talk on the same stream
             return
         step = json.loads(line)
         self.stage, self.done, self.total, self.unit = (step[name] for name in ("stage", "done", "total", "unit"))

@@ -11,13 +11,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer.main
 
 from pipeline import cli
 from pipeline.commands.stage import Figures, JsonLines
 from pipeline.core.progress import Progress
 
 ROOT = Path(__file__).parents[1]
-COMMANDS = [command.name or command.callback.__name__ for command in cli.app.registered_commands if command.callback]
+COMMANDS = list(typer.main.get_command(cli.app).commands)
 
 
 def lightsphere(*words: str) -> subprocess.CompletedProcess[str]:
