@@ -29,8 +29,8 @@ from ..core.shape.settings import ShapeSettings
 from ..core.tradeoff import Trial, light_counts, try_variants
 
 RECORD = "demo.json"
-NEW_VIEW_DEGREES = 32.0
-VIEW_PIXELS = 480
+NEW_VIEW_DEGREES = -28.0  # to the left
+MOST_VIEW_PIXELS = 480
 VIEW_PASSES, VIEW_SAMPLES = 6, 8
 NEW_LAMPS = 16
 FRACTIONS = (0.1, 0.25, 1.0)  # of the capture's lights; the last is the demo's own shape
@@ -90,7 +90,13 @@ class Demo:
             Stage("capture", rendering, {"plan": 0.1, "render": 0.9}, ("capture/capture.json",), self._capture),
             Stage("shape", 18 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
             Stage("material", 3, {"reflectance": 0.4}, ("asset.blend", "reflectance/reflectance.json"), self._material),
-            Stage("views", 16, {"relight": 0.2, "true": 0.4, "asset": 0.4}, ("views/asset.exr",), self._views),
+            Stage(
+                "views",
+                2 + 14 * (self._view_pixels() / MOST_VIEW_PIXELS) ** 2,
+                {"relight": 0.2, "true": 0.4, "asset": 0.4},
+                ("views/asset.exr",),
+                self._views,
+            ),
             Stage("report", 5, {"report": 1}, ("report.html", "metrics.json", "teaser.png"), self._report),
         ]
 
@@ -172,7 +178,7 @@ class Demo:
         mesh = relief(shape)
         reflectance = Reflectance.open(self.folder / "reflectance")
         centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
-        camera = capture.camera.orbited(centre, NEW_VIEW_DEGREES).resized(VIEW_PIXELS)
+        camera = capture.camera.orbited(centre, NEW_VIEW_DEGREES).resized(self._view_pixels())
         lamps = new_lamps(capture)
         folder = self._made("views")
         relit = []
@@ -229,6 +235,9 @@ class Demo:
     def _capture_settings(self) -> CaptureSettings:
         s = self.settings
         return CaptureSettings(inner=s.inner, outer=s.outer, resolution=s.resolution, effects=s.effects)
+
+    def _view_pixels(self) -> int:
+        return min(4 * int(self.settings.resolution), MOST_VIEW_PIXELS)
 
     def _opened_capture(self) -> Capture:
         return Capture.open(self.folder / "capture")

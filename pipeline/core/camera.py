@@ -70,12 +70,14 @@ class Camera:
         return origins, directions
 
     def normals_to_world(self, normals: NDArray[Any]) -> NDArray[np.float64]:
-        """Rotate camera-space normals (..., 3) to world space."""
-        return np.asarray(normals, np.float64) @ self.to_world[:3, :3].T
+        """Rotate camera-space normals (..., 3) to world space; NaN stays NaN."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(normals, np.float64) @ self.to_world[:3, :3].T
 
     def normals_to_camera(self, world_normals: NDArray[Any]) -> NDArray[np.float64]:
-        """Rotate world-space normals (..., 3) to camera space."""
-        return np.asarray(world_normals, np.float64) @ self.to_world[:3, :3]
+        """Rotate world-space normals (..., 3) to camera space; NaN stays NaN."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(world_normals, np.float64) @ self.to_world[:3, :3]
 
     def orbited(self, centre: NDArray[Any], degrees: float) -> Camera:
         """Return the camera turned about the vertical line (world z) through a point, to the right for degrees > 0."""

@@ -107,18 +107,22 @@ def thinned(capture: Capture, inner: int, outer: int) -> Capture:
 
 
 def dominated(trials: Sequence[Trial], error: str) -> list[str]:
-    """Name for every trial one that is no slower and no worse in an error, and better in one of both; ``""`` if none.
+    """Name for every trial one that is no slower, no worse and no less complete, and better in one; ``""`` if none.
 
-    Trials named ``""`` are the Pareto front.
+    Trials named ``""`` are the Pareto front over seconds, error and ``recovered_pct``: a solve that leaves the
+    difficult pixels out is not the better for it.
     """
+
+    def costs(trial: Trial) -> tuple[float, float, float]:
+        return trial.seconds, trial.errors[error], -trial.errors.get("recovered_pct", 100.0)
+
     names = []
     for trial in trials:
+        own = costs(trial)
         better = [
             other
             for other in trials
-            if (other.seconds, other.errors[error]) != (trial.seconds, trial.errors[error])
-            and other.seconds <= trial.seconds
-            and other.errors[error] <= trial.errors[error]
+            if costs(other) != own and all(a <= b for a, b in zip(costs(other), own, strict=True))
         ]
         names.append(min(better, key=lambda other: other.errors[error]).label if better else "")
     return names

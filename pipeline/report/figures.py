@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.camera import Camera
 from ..core.shape.mesh import Mesh
-from ..core.tradeoff import Trial
+from ..core.tradeoff import Trial, dominated
 from . import style
 
 KEY_SIZE = (2.3, 0.46)  # inches; all keys alike, so that pictures beside each other line up
@@ -116,10 +116,9 @@ def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
     seconds = np.array([trial.seconds for trial in trials])
     errors = np.array([trial.errors[error] for trial in trials])
     order = np.argsort(seconds)
-    best = np.minimum.accumulate(errors[order])
-    front = order[errors[order] <= best]
+    on_front = np.array([not better for better in dominated(trials, error)])
+    front = order[on_front[order]]
     axes.plot(seconds[front], errors[front], color=style.ACCENT, linewidth=1.2, zorder=1)
-    on_front = np.isin(np.arange(len(trials)), front)
     axes.scatter(seconds[on_front], errors[on_front], s=42, color=style.ACCENT, zorder=2)
     axes.scatter(
         seconds[~on_front],
@@ -137,7 +136,7 @@ def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis, values in ((axes.xaxis, seconds), (axes.yaxis, errors)):
-        wide = values.max() > 30 * values.min()
+        wide = values.max() > 30 * values.min() > 0
         axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_locator(NullLocator())

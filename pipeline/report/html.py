@@ -16,7 +16,7 @@ body {{ margin: 0; background: var(--paper); color: var(--ink); line-height: 1.5
   font: 400 16px/1.55 Inter, "Helvetica Neue", Arial, sans-serif; -webkit-font-smoothing: antialiased; }}
 main {{ max-width: 1080px; margin: 0 auto; padding: 64px 32px 96px; }}
 h1, h2 {{ font-family: Georgia, "Times New Roman", "DejaVu Serif", serif; font-weight: 400; letter-spacing: -0.01em; }}
-h1 {{ font-size: 46px; line-height: 1.12; margin: 10px 0 18px; max-width: 20em; }}
+h1 {{ font-size: 44px; line-height: 1.12; margin: 10px 0 18px; }}
 h2 {{ font-size: 28px; line-height: 1.2; margin: 0 0 10px; }}
 section {{ margin-top: 72px; padding-top: 28px; border-top: 1px solid var(--line); }}
 p {{ max-width: 44em; margin: 0 0 14px; }}
@@ -46,7 +46,8 @@ td code {{ font: 13px/1.4 "SF Mono", Menlo, Consolas, "DejaVu Sans Mono", monosp
   padding: 5px 0; font-size: 15px; }}
 .bar div {{ background: var(--accent); height: 10px; min-width: 1px; }}
 .bar span:last-child {{ text-align: right; font-variant-numeric: tabular-nums; }}
-.two {{ display: grid; grid-template-columns: 1.15fr 1fr; gap: 40px; align-items: start; }}
+.two td, .two th {{ padding-right: 12px; font-size: 14px; }}
+.two {{ display: grid; grid-template-columns: 1fr 1.1fr; gap: 40px; align-items: start; }}
 footer {{ margin-top: 72px; padding-top: 20px; border-top: 1px solid var(--line);
   color: var(--soft); font-size: 13.5px; }}
 @media (max-width: 760px) {{ .row, .two {{ grid-template-columns: 1fr 1fr !important; }} h1 {{ font-size: 34px; }} }}

@@ -57,7 +57,7 @@ def plot_png(figure: Figure, dpi: int = 200, tight: bool = True) -> bytes:
 def picture_png(pixels: NDArray[Any]) -> bytes:
     """Return (H, W, 3) or (H, W, 4) values from 0 to 1 as the bytes of a PNG file."""
     sink = io.BytesIO()
-    image.imsave(sink, np.clip(pixels, 0.0, 1.0), format="png")
+    image.imsave(sink, np.round(255 * np.clip(pixels, 0.0, 1.0)).astype(np.uint8), format="png")
     return sink.getvalue()
 
 
