@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import bpy
@@ -34,7 +35,17 @@ def add_rig(scene: bpy.types.Scene, settings: CaptureSettings) -> bpy.types.Obje
 
 def finished(folder: Path) -> bool:
     """Return whether a folder holds a capture with all its pictures."""
-    return (folder / "capture.json").is_file() and all(Capture.open(folder).checksums)
+    path = folder / "capture.json"
+    return path.is_file() and _complete(folder, path.stat().st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=16)
+def _complete(folder: Path, written: int) -> bool:
+    """Return the same for a description of known age: panels ask with every redraw."""
+    try:
+        return all(Capture.open(folder).checksums)
+    except LightsphereError:  # damaged, so not finished
+        return False
 
 
 def pictures(folder: Path) -> int:

@@ -128,13 +128,16 @@ def test_values_out_of_their_limits_cannot_be_shown(addon: None) -> None:
     assert capture.inner == limits_of(dataclasses.fields(CaptureSettings)[1]).low
 
 
-def test_a_button_that_cannot_run_says_why(scene: bpy.types.Scene) -> None:
+def test_a_button_that_cannot_run_says_why(scene: bpy.types.Scene, tmp_path: Path) -> None:
     lacks = part("stages").lacks
     assert lacks("capture", scene) == ""
     assert "No capture" in lacks("shape", scene)
     assert "No shape" in lacks("material", scene)
     assert not bpy.ops.lightsphere.shape.poll()
     scene.lightsphere.capture_folder = "//nowhere"
+    assert "No finished capture" in lacks("shape", scene)
+    (tmp_path / "capture.json").write_text("{")  # damaged
+    scene.lightsphere.capture_folder = str(tmp_path)
     assert "No finished capture" in lacks("shape", scene)
     scene.lightsphere.capture.rig = "scene"
     assert "add one" in lacks("capture", scene)
