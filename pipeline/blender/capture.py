@@ -195,8 +195,8 @@ def _render_all(
                 yield note(light, images.checksum(started.folder / started.files[light]))
                 for other, checksum in pool.finished():
                     yield note(other, checksum)
-        for other, checksum in pool.finished(wait=True):
-            yield note(other, checksum)
+        while not all(done.values()):
+            yield note(*pool.wait())
 
 
 def _processor_cores() -> int:

@@ -1,7 +1,8 @@
 """Processes that render pictures of a capture side by side.
 
-A worker reads the index of a light from its standard input, one a line, and answers each with one line: ``picture
-INDEX SHA256`` when it is on disk, or ``error TEXT``. It ends with its input, so that none outlives its parent.
+A worker prints ``ready`` once its scene is loaded, then reads the index of a light from its standard input, one a
+line, and answers each with one line: ``picture INDEX SHA256`` when it is on disk, or ``error TEXT``. It ends with its
+input, so that none outlives its parent.
 """
 
 from __future__ import annotations
@@ -79,8 +80,13 @@ class Pool:
         for process in self._processes:
             process.wait()
 
-    def finished(self, wait: bool = False) -> Iterator[tuple[int, str]]:
-        """Yield light and checksum of pictures finished meanwhile; with ``wait``, of all until every worker ended.
+    def finished(self) -> Iterator[tuple[int, str]]:
+        """Yield light and checksum of the pictures that workers finished meanwhile; see :meth:`wait` for errors."""
+        while not self._answers.empty():
+            yield self.wait()
+
+    def wait(self) -> tuple[int, str]:
+        """Return light and checksum of the next picture that a worker finishes; one must be under way.
 
         Raises
         ------
@@ -89,14 +95,14 @@ class Pool:
         RuntimeError
             When a worker died, with its last words.
         """
-        while (wait and any(thread.is_alive() for thread in self._threads)) or not self._answers.empty():
+        while True:
             try:
-                answer = self._answers.get(timeout=0.1)
+                answer = self._answers.get(timeout=0.1)  # so that an interrupt is heard on every system
             except queue.Empty:
                 continue
             if isinstance(answer, Exception):
                 raise answer
-            yield answer
+            return answer
 
     def _start(self, count: int, words: list[str]) -> None:
         arguments, environment = command_line(*words)
@@ -117,32 +123,40 @@ class Pool:
             thread.start()
 
     def _feed(self, process: subprocess.Popen[str], errors: Any) -> None:
-        """Give one worker a light at a time until none is left or one fails, and pass its answers on."""
+        """Once a worker is ready, give it a light at a time until none is left or it fails; pass its answers on."""
         assert process.stdin is not None and process.stdout is not None
         with errors, process.stdout:
             try:
                 with process.stdin:
+                    _answer(process.stdout, "ready")
                     for light in taken(self._pending):
                         process.stdin.write(f"{light}\n")
                         process.stdin.flush()
-                        self._answers.put(answer := self._answer(process.stdout, errors))
-                        if isinstance(answer, Exception):
-                            return
-            except OSError:  # the worker is gone
-                self._answers.put(_last_words(errors))
-
-    @staticmethod
-    def _answer(lines: Any, errors: Any) -> tuple[int, str] | Exception:
-        for line in lines:
-            kind, _, rest = line.rstrip("\n").partition(" ")
-            if kind == "picture":
-                light, checksum = rest.split()
-                return int(light), checksum
-            if kind == "error":
-                return LightsphereError(rest)
-        return _last_words(errors)
+                        words = _answer(process.stdout, "picture").split()
+                        self._answers.put((int(words[0]), words[1]))
+            except LightsphereError as error:
+                self._answers.put(error)
+            except (OSError, EOFError):
+                self._answers.put(_cause_of_death(process, errors))
 
 
-def _last_words(errors: Any) -> RuntimeError:
+def _cause_of_death(process: subprocess.Popen[str], errors: Any) -> Exception:
+    status = process.wait()
+    if status < 0:
+        return LightsphereError(
+            f"a worker was killed by signal {-status}, perhaps for want of memory; run again with fewer --workers, "
+            "finished pictures are kept"
+        )
     errors.seek(0)
-    return RuntimeError("a worker died: " + errors.read().decode(errors="replace")[-4000:])
+    return RuntimeError(f"a worker ended with status {status}: {errors.read().decode(errors='replace')[-4000:]}")
+
+
+def _answer(lines: Any, expected: str) -> str:
+    """Return what follows the expected word on a worker's next line that is an answer; Blender prints others."""
+    for line in lines:
+        kind, _, rest = line.rstrip("\n").partition(" ")
+        if kind == expected:
+            return str(rest)
+        if kind == "error":
+            raise LightsphereError(rest)
+    raise EOFError

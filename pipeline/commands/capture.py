@@ -45,10 +45,12 @@ def capture_worker(
     from ..core import images
     from ..core.capture import Capture
 
-    begun = Capture.open(folder)
     lights = (int(line) for line in sys.stdin)
     try:
-        for light in blender.render_lights(scenes.load(scene), begun, lights, threads):
+        begun = Capture.open(folder)
+        loaded = scenes.load(scene)
+        print("ready", flush=True)
+        for light in blender.render_lights(loaded, begun, lights, threads):
             print("picture", light, images.checksum(folder / begun.files[light]), flush=True)
     except LightsphereError as error:
         print("error", error, flush=True)

@@ -1,0 +1,67 @@
+"""Worker processes: what they answer, and what is said when one ends."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from pathlib import Path
+
+import pytest
+
+from pipeline.blender import capture, workers
+from pipeline.blender import scene as scenes
+from pipeline.core import images
+from pipeline.core.capture import Capture
+from pipeline.core.capture_settings import CaptureSettings
+from pipeline.core.errors import LightsphereError
+from pipeline.core.progress import finish
+
+SCENE = "steps"
+
+
+@pytest.fixture(scope="module")
+def captured(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    settings = CaptureSettings(inner=4, outer=4, resolution=16, effects="direct", workers=1)
+    return finish(capture.capture(scenes.load(SCENE), SCENE, tmp_path_factory.mktemp("workers"), settings))
+
+
+def test_worker_renders_what_is_pending(captured: Capture) -> None:
+    before = captured.checksums
+    for name in captured.files[2:5]:
+        (captured.folder / name).unlink()
+    with workers.Pool(1, ["capture-worker", SCENE, str(captured.folder)], deque([2, 3, 4])) as pool:
+        found = dict(pool.wait() for _ in range(3))
+    assert found == {i: before[i] for i in (2, 3, 4)}
+    assert images.checksum(captured.folder / captured.files[3]) == before[3]
+
+
+def test_wrong_input_of_a_worker_reaches_its_parent(tmp_path: Path) -> None:
+    with (
+        workers.Pool(1, ["capture-worker", SCENE, str(tmp_path)], deque([0])) as pool,
+        pytest.raises(LightsphereError, match="is not a capture"),
+    ):
+        pool.wait()
+
+
+def test_killed_worker_is_explained(captured: Capture) -> None:
+    with workers.Pool(1, ["capture-worker", SCENE, str(captured.folder)], deque([0])) as pool:
+        pool._processes[0].kill()
+        with pytest.raises(LightsphereError, match=r"killed by signal 9.*fewer --workers"):
+            pool.wait()
+
+
+def test_failing_worker_is_a_bug_with_its_traceback(captured: Capture, tmp_path: Path) -> None:
+    dataclasses.replace(captured, folder=tmp_path, notes={}).save()
+    with (
+        workers.Pool(1, ["capture-worker", SCENE, str(tmp_path)], deque([0])) as pool,
+        pytest.raises(RuntimeError) as e,
+    ):
+        pool.wait()
+    assert "Traceback" in str(e.value) and "status 1" in str(e.value)
+
+
+def test_worker_that_nobody_needs_is_ended() -> None:
+    with workers.Pool(2, ["capture-worker", SCENE, "nowhere"], deque()) as pool:
+        processes = pool._processes
+        assert list(pool.finished()) == []
+    assert all(process.poll() is not None for process in processes)
