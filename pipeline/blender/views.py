@@ -21,7 +21,13 @@ from .geometry import BACKDROP
 from .materials import surface_material
 from .meshes import add_mesh
 
-STUDIO = {"filter_width": 1.5, "use_denoising": False, "use_adaptive_sampling": False, "device": "CPU"}
+STUDIO = {
+    "filter_width": 1.5,
+    "max_bounces": 4,
+    "use_denoising": False,
+    "use_adaptive_sampling": False,
+    "device": "CPU",
+}
 
 
 def exchange(scene: bpy.types.Scene, mesh: Mesh, reflectance: Reflectance) -> bpy.types.Object:

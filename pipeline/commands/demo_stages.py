@@ -29,9 +29,9 @@ from ..core.shape.settings import ShapeSettings
 from ..core.tradeoff import Trial, light_counts, try_variants
 
 RECORD = "demo.json"
-NEW_VIEW_DEGREES = -28.0  # to the left
+NEW_VIEW_DEGREES = 22.0
 MOST_VIEW_PIXELS = 480
-VIEW_PASSES, VIEW_SAMPLES = 6, 8
+VIEW_PASSES, VIEW_SAMPLES = 8, 5
 NEW_LAMPS = 16
 FRACTIONS = (0.1, 0.25, 1.0)  # of the capture's lights; the last is the demo's own shape
 
@@ -97,7 +97,7 @@ class Demo:
                 ("views/asset.exr",),
                 self._views,
             ),
-            Stage("report", 5, {"report": 1}, ("report.html", "metrics.json", "teaser.png"), self._report),
+            Stage("report", 3, {"report": 1}, ("report.html", "metrics.json", "teaser.png"), self._report),
         ]
 
     def work(self) -> Work[None]:
