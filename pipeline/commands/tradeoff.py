@@ -56,7 +56,8 @@ WORDS = {"depth_median_pct": "median depth error, % of the object", "material_re
 
 
 def _print(trials: list[Trial], error: str, beaten: list[str]) -> None:
-    table = Table("lights", "seconds", error, "beaten by")
+    names = [name for name in ("recovered_pct", error, "depth_p95_pct") if name in trials[0].errors]
+    table = Table("lights", "seconds", *names, "beaten by")
     for trial, better in zip(trials, beaten, strict=True):
-        table.add_row(trial.label, f"{trial.seconds:.2f}", f"{trial.errors[error]:.3g}", better)
+        table.add_row(trial.label, f"{trial.seconds:.2f}", *(f"{trial.errors[name]:.3g}" for name in names), better)
     Console().print(table)
