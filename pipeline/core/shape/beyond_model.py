@@ -43,7 +43,7 @@ def compare(views: Views, surface: NDArray[np.int64], solution: Solution) -> Wor
         part = pixels[start : start + BLOCK]
         depths[part], explained[part] = compare_surfaces(
             part, solution.state, solution.kind, solution.spread, views.rays, views.near, views.far,
-            views.values, views.positions, surface, views.noise,
+            views.values, views.positions, surface, views.noise, views.bounced,
         )  # fmt: skip
         yield Progress("compare", min(start + BLOCK, len(pixels)), len(pixels), "pixels")
     decided = pixels[_neighbourhood_median(views.mask, explained, pixels) > STRUCTURE]

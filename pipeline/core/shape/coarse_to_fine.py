@@ -5,6 +5,7 @@ Every sweep reads the previous one, so results do not depend on the number of th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +13,14 @@ from numpy.typing import NDArray
 
 from ..progress import Progress, Work
 from . import joint
-from .lobe import LOG_ALPHA, STATE, UNKNOWNS
+from .lobe import BOUNCED, DIFFUSE, DIRECT_UNKNOWNS, LOG_ALPHA, STATE, UNKNOWNS
 
 GRIDS = (8, 4, 2, 1)
 BLOCK = 2048  # pixels solved between two reports of progress
 COMPANY_ROUNDS = 3
+DIRECT_SHARE = 0.15  # of a pixel's 95th percentile: what is darker is taken for bounced light at first
+BOUNCED_ROUNDS = 2
+FIRST_BOUNCED = 0.1  # of the diffuse reflectance: where the fit of bounced light starts
 COMPANY_REACH = (1, 3, 6)  # distances [px] of the neighbours whose lobes a pixel is compared with
 COMPANY_TRUST = (
     4.0  # a lobe is expected within half of its neighbours' spread: rounds tighten where pictures leave it open
@@ -30,8 +34,8 @@ class Solution:
 
     Parameters
     ----------
-    state : (P, 9) float64
-        depth [m], normal in the world, log alpha, kappa, kd, k0, k1; see :mod:`.lobe`.
+    state : (P, 13) float64
+        depth [m], normal in the world, log alpha, kappa, kd, k0, k1, bounced light; see :mod:`.lobe`.
     score : (P,) float64
         Mean Cauchy cost at one per cent of the median root; infinite where not solved.
     spread : (P,) float64
@@ -71,8 +75,11 @@ class Views:
         Cube root of picture value over intensity; 0 where unlit or not to be used.
     positions : (L, 3) float64
         The lights [m].
-    noise : float
-        Standard deviation of the noise floor, in value over intensity.
+    noise : (P,) float64
+        Standard deviation of each pixel's noise floor, in value over intensity; bounced light that no model foresees
+        counts as such.
+    bounced : bool
+        Whether the values hold light that other surfaces sent on.
     """
 
     mask: NDArray[np.bool_]
@@ -81,7 +88,8 @@ class Views:
     far: NDArray[np.float64]
     values: NDArray[np.float32]
     positions: NDArray[np.float64]
-    noise: float
+    noise: NDArray[np.float64]
+    bounced: bool
 
 
 def neighbours_at(mask: NDArray[np.bool_], pixels: NDArray[np.int64], distance: int) -> NDArray[np.int64]:
@@ -100,6 +108,7 @@ def neighbours_at(mask: NDArray[np.bool_], pixels: NDArray[np.int64], distance: 
 def solve(views: Views, min_lit: int) -> Work[Solution]:
     """Fit depth, normal and lobe of every pixel with at least ``min_lit`` lit lights."""
     solution = Solution.empty(len(views.rays))
+    values = direct_values(views) if views.bounced else views.values
     places = np.argwhere(views.mask)
     todo = np.ones(len(places), bool)
     total = (2 + COMPANY_ROUNDS) * len(places)
@@ -110,20 +119,57 @@ def solve(views: Views, min_lit: int) -> Work[Solution]:
             todo[chosen] = False
         else:  # a last sweep hands better solutions on
             chosen = np.arange(len(places))
-        around = neighbours_at(views.mask, chosen, max(1, grid))
-        before = (solution.state.copy(), solution.score.copy(), solution.kind.copy())
-        for start in range(0, len(chosen), BLOCK):
-            part = chosen[start : start + BLOCK]
-            states, scores, kinds, summaries = joint.sweep(
-                part, around[start : start + BLOCK], *before, views.rays, views.near, views.far, views.values,
-                views.positions, views.noise, min_lit,
-            )  # fmt: skip
-            solution.state[part], solution.score[part], solution.kind[part] = states, scores, kinds
-            solution.spread[part], solution.deviation[part] = summaries.T
-            done += len(part)
+        for part in _sweep(views, values, False, solution, chosen, max(1, grid), min_lit):
+            done += part
             yield Progress("shape", done, total, "pixels")
+    if views.bounced:
+        yield from _with_bounced_light(views, solution, min_lit)
     yield from _in_company(views, solution, done, total)
     return solution
+
+
+def _sweep(
+    views: Views,
+    values: NDArray[np.float32],
+    bounced: bool,
+    solution: Solution,
+    chosen: NDArray[np.int64],
+    distance: int,
+    min_lit: int,
+) -> Iterator[int]:
+    """Solve some pixels from their neighbours at a distance; yield how many are done after each block."""
+    around = np.concatenate([neighbours_at(views.mask, chosen, distance), chosen[:, None]], axis=1)
+    before = (solution.state.copy(), solution.score.copy(), solution.kind.copy())
+    for start in range(0, len(chosen), BLOCK):
+        part = chosen[start : start + BLOCK]
+        states, scores, kinds, summaries = joint.sweep(
+            part, around[start : start + BLOCK], *before, views.rays, views.near, views.far, values,
+            views.positions, views.noise, bounced, min_lit,
+        )  # fmt: skip
+        solution.state[part], solution.score[part], solution.kind[part] = states, scores, kinds
+        solution.spread[part], solution.deviation[part] = summaries.T
+        yield len(part)
+
+
+def direct_values(views: Views, rows: int = 8192) -> NDArray[np.float32]:
+    """Return the values with those left out that are so dark that bounced light may have made them."""
+    direct = views.values.copy()
+    for start in range(0, len(direct), rows):
+        part = direct[start : start + rows]
+        part[part < np.cbrt(DIRECT_SHARE) * np.quantile(part, 0.95, axis=1, keepdims=True)] = 0.0
+    return direct
+
+
+def _with_bounced_light(views: Views, solution: Solution, min_lit: int) -> Work[None]:
+    """Fit all pixels again, on all values, with bounced light; shadowed values become outliers of the loss."""
+    pixels = np.flatnonzero(solution.kind != joint.NONE)
+    solution.state[pixels, BOUNCED] = FIRST_BOUNCED * solution.state[pixels, DIFFUSE]
+    done = 0
+    for _ in range(BOUNCED_ROUNDS):
+        solution.score[:] = np.inf  # costs of other values, or of a state not yet refined: not to be compared with
+        for part in _sweep(views, views.values, True, solution, pixels, 1, min_lit):
+            done += part
+            yield Progress("bounces", done, BOUNCED_ROUNDS * len(pixels), "pixels")
 
 
 def _in_company(views: Views, solution: Solution, done: int, total: int) -> Work[None]:
@@ -150,7 +196,7 @@ def refit(
     """Refine some pixels with what is known of their unknowns, unless that raises the misfit by more than a factor."""
     summaries = joint.sweep_known(
         pixels, solution.state, solution.score, solution.kind, views.rays, views.near, views.far,
-        views.values, views.positions, views.noise, expected, precision, contradiction,
+        views.values, views.positions, views.noise, views.bounced, expected, precision, contradiction,
     )  # fmt: skip
     taken = np.isfinite(summaries[:, 0])
     solution.spread[pixels[taken]], solution.deviation[pixels[taken]] = summaries[taken].T
@@ -159,14 +205,15 @@ def refit(
 def _neighbours_lobes(
     mask: NDArray[np.bool_], solution: Solution, pixels: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return median and precision of the glossy neighbours' lobe parameters, (N, 8) each; 0 for depth and normal."""
+    """Return median and precision of the glossy neighbours' lobe parameters, (N, 12) each; 0 for all else."""
     around = np.concatenate([neighbours_at(mask, pixels, distance) for distance in COMPANY_REACH], axis=1)
     usable = (around >= 0) & (solution.kind[around] == joint.GLOSSY)
-    lobes = np.where(usable[..., None], solution.state[around, LOG_ALPHA:], np.nan)
+    lobes = np.where(usable[..., None], solution.state[around, LOG_ALPHA:BOUNCED], np.nan)
     expected, precision = np.zeros((2, len(pixels), UNKNOWNS))
     enough = usable.sum(axis=1) >= 5
     middle = np.nanmedian(lobes[enough], axis=1)
     spread = 1.4826 * np.nanmedian(np.abs(lobes[enough] - middle[:, None]), axis=1)
-    expected[enough, LOG_ALPHA - 1 :] = middle
-    precision[enough, LOG_ALPHA - 1 :] = COMPANY_TRUST / (spread**2 + 1e-6 * (1e-6 + middle**2))
+    lobe = slice(LOG_ALPHA - 1, DIRECT_UNKNOWNS)
+    expected[enough, lobe] = middle
+    precision[enough, lobe] = COMPANY_TRUST / (spread**2 + 1e-6 * (1e-6 + middle**2))
     return expected, precision

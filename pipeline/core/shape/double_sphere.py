@@ -9,9 +9,10 @@ from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Work
 from . import Shape, joint
+from .beyond_model import compare
 from .coarse_to_fine import Solution, Views, solve
 from .lobe import DEPTH, NX
-from .observations import observe
+from .observations import noise_of, observe
 from .settings import ShapeSettings
 
 NEAREST = 1e-3  # share of the surface's radius that stays free before the camera
@@ -45,8 +46,12 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     origins, directions = capture.camera.rays()
     rays = np.ascontiguousarray(np.concatenate([origins[mask], directions[mask]], axis=1))
     near, far = depth_limits(rays, capture.lights.position[capture.lights.on("inner")])
-    views = Views(mask, rays, near, far, observations.values, capture.lights.position, observations.floor)
+    views = Views(
+        mask, rays, near, far, observations.values, capture.lights.position,
+        noise_of(observations), observations.bounced,
+    )  # fmt: skip
     solution = yield from solve(views, settings.min_lit)
+    yield from compare(views, capture.lights.surface, solution)
     return as_shape(capture, mask, solution)
 
 

@@ -9,8 +9,10 @@ import numpy as np
 from ..compiled import kernel
 from .lobe import (
     ALPHA_RANGE,
+    BOUNCED,
     DEPTH,
     DIFFUSE,
+    DIRECT_UNKNOWNS,
     KAPPA,
     KAPPA_RANGE,
     LOG_ALPHA,
@@ -28,7 +30,7 @@ from .lobe import (
 ROUNDING = 1e-6  # residuals below this share of the median root are the rounding of float pictures
 FIRST_DAMPING = 1e-3
 # Where each unknown stands in the state; nothing is ever known of the two that turn the normal.
-PLACES = (DEPTH, -1, -1, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE)
+PLACES = (DEPTH, -1, -1, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE, 9, 10, 11, 12)
 
 
 @kernel
@@ -80,22 +82,25 @@ def moved(state, step, pixel, out):  # type: ignore[no-untyped-def]
     out[DIFFUSE] = max(0.0, state[DIFFUSE] + step[5])
     out[SPECULAR] = max(0.0, state[SPECULAR] + step[6])
     out[RISE] = max(0.0, state[RISE] + step[7])
+    for i in range(4):
+        out[BOUNCED + i] = state[BOUNCED + i] + (step[8 + i] if pixel.bounced else 0.0)
 
 
 @kernel
 def normal_equations(state, pixel, residuals, jacobian, sigma, a, g):  # type: ignore[no-untyped-def]
     """Fill A = J^T W J and g = J^T W r with Cauchy's weights, what is known beforehand added."""
+    used = UNKNOWNS if pixel.bounced else DIRECT_UNKNOWNS
     a[:, :] = 0.0
     g[:] = 0.0
     for i in range(len(residuals)):
         r = residuals[i]
         weight = 1.0 / (1.0 + (r / sigma) ** 2)
-        for j in range(UNKNOWNS):
+        for j in range(used):
             scaled = weight * jacobian[i, j]
             g[j] += scaled * r
             for k in range(j + 1):
                 a[j, k] += scaled * jacobian[i, k]
-    for j in range(UNKNOWNS):
+    for j in range(used):
         for k in range(j):
             a[k, j] = a[j, k]
     for j in range(UNKNOWNS):
@@ -117,9 +122,10 @@ def objective(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore
 
 
 @kernel
-def freeze(state, g, glossy, frozen):  # type: ignore[no-untyped-def]
+def freeze(state, g, glossy, bounced, frozen):  # type: ignore[no-untyped-def]
     """Mark the unknowns that must not move: the lobe's when there is none, and those pressed against a limit."""
     frozen[:] = False
+    frozen[DIRECT_UNKNOWNS:] = not bounced
     frozen[5] = state[DIFFUSE] <= 0.0 and g[5] > 0.0
     frozen[6] = not glossy or (state[SPECULAR] <= 0.0 and g[6] > 0.0)
     frozen[7] = not glossy or (state[RISE] <= 0.0 and g[7] > 0.0)
@@ -156,7 +162,7 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
 
     Parameters
     ----------
-    state : (9,) float64
+    state : (13,) float64
         See :mod:`.lobe`.
     glossy : bool
         Whether the lobe takes part.
@@ -188,7 +194,7 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
         damping = FIRST_DAMPING
         for _ in range(0 if last else iterations):
             normal_equations(state, pixel, residuals, jacobian, sigma, a, g)
-            freeze(state, g, glossy, frozen)
+            freeze(state, g, glossy, pixel.bounced, frozen)
             gain = 0.0
             for _attempt in range(5):
                 if solve_damped(a, g, damping, frozen, step):
@@ -206,7 +212,7 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
             if done:
                 break
     normal_equations(state, pixel, residuals, jacobian, sigma, a, g)
-    freeze(state, g, glossy, frozen)
+    freeze(state, g, glossy, pixel.bounced, frozen)
     summary[0] = 1.4826 * np.median(np.abs(residuals))
     summary[1] = depth_deviation(a, frozen, sigma)
 
@@ -253,6 +259,7 @@ def diffuse_start(state, depth, pixel, upper):  # type: ignore[no-untyped-def]
         for j in range(3):
             b[j] -= (0.1 * length - facing + 1e-12) * ray[3 + j]
     norm = 1.0 / max(1e-30, math.sqrt(b[0] ** 2 + b[1] ** 2 + b[2] ** 2))
+    state[BOUNCED:] = 0.0
     state[DEPTH] = depth
     state[NX], state[NY], state[NZ] = b[0] * norm, b[1] * norm, b[2] * norm
     state[DIFFUSE] = length

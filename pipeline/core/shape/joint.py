@@ -26,7 +26,7 @@ CONTRADICTION = 1.15  # what is expected of a lobe may raise the pictures' misfi
 
 
 @kernel
-def gather(values, ray, near, far, positions, noise, expected, precision, min_lit):  # type: ignore[no-untyped-def]
+def gather(values, ray, near, far, positions, noise, bounced, expected, precision, min_lit):  # type: ignore[no-untyped-def]
     """Return what one pixel knows: its lit lights, none if there are fewer than ``min_lit``."""
     count = 0
     for i in range(len(values)):
@@ -44,7 +44,7 @@ def gather(values, ray, near, far, positions, noise, expected, precision, min_li
                 roots[at] = values[i]
                 at += 1
     middle = np.median(roots) if count > 0 else 0.0
-    return Pixel(ray, near, far, lights, roots, np.ones(count), middle, noise, expected, precision)
+    return Pixel(ray, near, far, lights, roots, np.ones(count), middle, noise, bounced, expected, precision)
 
 
 @kernel
@@ -168,7 +168,7 @@ def solve_pixel(own, others, states, scores, kinds, rays, pixel, out, summary): 
 
 @parallel_kernel
 def sweep(  # type: ignore[no-untyped-def]
-    pixels, neighbours, states, scores, kinds, rays, near, far, values, positions, noise, min_lit
+    pixels, neighbours, states, scores, kinds, rays, near, far, values, positions, noise, bounced, min_lit
 ):
     """Solve some pixels in parallel, reading the others' states from the sweep before."""
     count = len(pixels)
@@ -179,7 +179,9 @@ def sweep(  # type: ignore[no-untyped-def]
     nothing = np.zeros(UNKNOWNS)
     for i in prange(count):
         own = pixels[i]
-        pixel = gather(values[own], rays[own], near[own], far[own], positions, noise, nothing, nothing, min_lit)
+        pixel = gather(
+            values[own], rays[own], near[own], far[own], positions, noise[own], bounced, nothing, nothing, min_lit
+        )
         summary = np.full(2, np.inf)
         score, kind = solve_pixel(own, neighbours[i], states, scores, kinds, rays, pixel, new_states[i], summary)
         new_scores[i] = score
@@ -190,7 +192,20 @@ def sweep(  # type: ignore[no-untyped-def]
 
 @parallel_kernel
 def sweep_known(  # type: ignore[no-untyped-def]
-    pixels, states, scores, kinds, rays, near, far, values, positions, noise, expected, precision, contradiction
+    pixels,
+    states,
+    scores,
+    kinds,
+    rays,
+    near,
+    far,
+    values,
+    positions,
+    noise,
+    bounced,
+    expected,
+    precision,
+    contradiction,
 ):
     """Refine pixels in place with what is known of their unknowns beforehand.
 
@@ -200,7 +215,9 @@ def sweep_known(  # type: ignore[no-untyped-def]
     summaries = np.full((len(pixels), 2), np.nan)
     for i in prange(len(pixels)):
         own = pixels[i]
-        pixel = gather(values[own], rays[own], near[own], far[own], positions, noise, expected[i], precision[i], 1)
+        pixel = gather(
+            values[own], rays[own], near[own], far[own], positions, noise[own], bounced, expected[i], precision[i], 1
+        )
         summary = np.empty(2)
         trial = states[own].copy()
         glossy = kinds[own] == GLOSSY

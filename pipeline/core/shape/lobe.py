@@ -9,6 +9,9 @@ and a microfacet lobe that is shared by both surfaces::
     G    = (1 + Lambda(wo)) / (1 + Lambda(wo) + Lambda(u))
     R    = (F(theta_d) - F(0)) / (1 - F(0)),  F the dielectric Fresnel reflectance of index 1.5
 
+Where the pictures hold bounced light, its first two spherical harmonics are added: max(0, a0 + a.u). Lights at
+different distances in one direction make the same of it only as far as the surfaces that send it on are near.
+
 D is Student's t-distribution of slopes (Ribardiere et al., "STD: Student's t-Distribution of Slopes for Microfacet
 Based BSDFs", 2017), scaled to 1 at its peak: kappa = 1/2 is GGX, kappa -> 0 Beckmann, and
 alpha^2 (1 - kappa) = kappa a power of n.h. Lambda is Smith's, blended between Beckmann's and GGX's. A picture value
@@ -30,9 +33,11 @@ from numpy.typing import NDArray
 from ..compiled import kernel
 
 # Layout of a pixel's state.
-DEPTH, NX, NY, NZ, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE = range(9)
-STATE = 9
-UNKNOWNS = 8  # depth, two of the normal, log alpha, kappa, kd, k0, k1
+DEPTH, NX, NY, NZ, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE, BOUNCED = range(10)
+STATE = 13
+# Unknowns: depth, two of the normal, log alpha, kappa, kd, k0, k1, four of the bounced light.
+UNKNOWNS = 12
+DIRECT_UNKNOWNS = 8
 
 
 class Pixel(NamedTuple):
@@ -54,7 +59,9 @@ class Pixel(NamedTuple):
         Median of the roots.
     noise : float
         Standard deviation of the noise floor, in value over intensity.
-    expected, precision : (8,) float64
+    bounced : bool
+        Whether the pictures hold light that other surfaces sent on.
+    expected, precision : (12,) float64
         What is known of the unknowns beforehand and how well, 1 / variance; 0 for nothing.
     """
 
@@ -66,6 +73,7 @@ class Pixel(NamedTuple):
     weights: Any
     middle: float
     noise: float
+    bounced: bool
     expected: Any
     precision: Any
 
@@ -131,8 +139,8 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
 
     Parameters
     ----------
-    state : (9,) float64
-        depth, normal, log alpha, kappa, kd, k0, k1.
+    state : (13,) float64
+        depth, normal, log alpha, kappa, kd, k0, k1, bounced light.
     glossy : bool
         Whether the lobe takes part.
     pixel : Pixel
@@ -140,8 +148,8 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
         Scale of Cauchy's loss, in the unit of ``roots``.
     residuals : (N,) float64
         Filled with predicted minus measured cube roots, weighted.
-    jacobian : (N, 8) or (0, 8) float64
-        Filled with the derivatives by the 8 unknowns, unless it is empty.
+    jacobian : (N, 12) or (0, 12) float64
+        Filled with the derivatives by the 12 unknowns, unless it is empty.
 
     Returns
     -------
@@ -170,22 +178,27 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
         inverse = 1.0 / math.sqrt(d2)
         ux, uy, uz = wx * inverse, wy * inverse, wz * inverse
         cl = nx * ux + ny * uy + nz * uz
-        if cl <= 1e-3:
-            # Lit although the model says that it faces away: pull the normal over, as a dark facet would be lit.
+        bounced = 0.0
+        if pixel.bounced:
+            bounced = max(0.0, state[9] + state[10] * ux + state[11] * uy + state[12] * uz)
+        if cl <= 1e-3 and bounced <= 0.0:
+            # Lit although the model says that it faces away.
             residuals[i] = -weights[i] * roots[i]
             cost += math.log(1.0 + (residuals[i] / sigma) ** 2)
             if derive:
                 jacobian[i, :] = 0.0
             continue
+        direct = 1.0 if cl > 1e-3 else 0.0
+        cl = max(cl, 1e-3)
         uo = ux * ox + uy * oy + uz * oz
         # derivative of u by depth: (-v + u (u.v)) / d with v = -o
         tx, ty, tz = (ox - ux * uo) * inverse, (oy - uy * uo) * inverse, (oz - uz * uo) * inverse
         cl_t = nx * tx + ny * ty + nz * tz
         cl_a, cl_b = ax * ux + ay * uy + az * uz, bx * ux + by * uy + bz * uz
-        value = kd * cl
+        value = direct * kd * cl + bounced
         lobe = 0.0
         rise = 0.0
-        if glossy:
+        if glossy and direct > 0.0:
             norm = 1.0 / math.sqrt(max(1e-9, 2.0 + 2.0 * uo))
             hx, hy, hz = (ux + ox) * norm, (uy + oy) * norm, (uz + oz) * norm
             ch = max(0.02, nx * hx + ny * hy + nz * hz)
@@ -212,10 +225,14 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
             continue
         chain = weights[i] * root / (3.0 * value)
         row = jacobian[i]
-        by_depth, by_a, by_b = kd * cl_t, kd * cl_a, kd * cl_b
+        by_depth, by_a, by_b = direct * kd * cl_t, direct * kd * cl_a, direct * kd * cl_b
+        row[8:] = 0.0
+        if bounced > 0.0:
+            row[8], row[9], row[10], row[11] = chain, chain * ux, chain * uy, chain * uz
+            by_depth += state[10] * tx + state[11] * ty + state[12] * tz
         row[3] = 0.0
         row[4] = 0.0
-        if glossy:
+        if glossy and direct > 0.0:
             # h = (u + o) norm, norm' = -norm^3 (o.u')
             uo_t = ox * tx + oy * ty + oz * tz
             ch_t = (nx * tx + ny * ty + nz * tz) * norm - ch * norm * norm * uo_t
@@ -239,7 +256,7 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
         row[0] = chain * by_depth - weights[i] * root * 2.0 / 3.0 * (ox * wx + oy * wy + oz * wz) / d2
         row[1] = chain * by_a
         row[2] = chain * by_b
-        row[5] = chain * cl
+        row[5] = chain * direct * cl
         row[6] = chain * lobe
         row[7] = chain * lobe * rise
     return cost / count

@@ -17,6 +17,8 @@ BAD_SHARE = 0.5  # a picture with more unusable pixels than this is damaged, not
 CLIPPED_PIXELS = 4  # this many pixels with exactly the largest value of the capture are saturated, not bright
 DARK_DEVIATIONS = 3.0  # values below this many deviations of the noise floor count as unlit
 NOISE_SAMPLE = 3_000_000  # single colours looked at to estimate the noise floor
+UNFORESEEN = 0.02  # of the 90th percentile: how far bounced light strays from its model
+BRIGHT_SHARE = 0.05  # in direct light more values than this are attached or cast shadow
 SMALLEST = 1e-7  # values below this share of the largest count as unlit: the rounding of half floats
 
 
@@ -31,12 +33,15 @@ class Observations:
         saturated or not a number.
     floor : float
         Standard deviation of the noise that does not depend on the value, in value over intensity.
+    bounced : bool
+        Whether the pictures hold light that other surfaces sent on.
     clipped, bad : (P,) int32
         How many of a pixel's values were saturated, and how many not numbers.
     """
 
     values: NDArray[np.float32]
     floor: float
+    bounced: bool
     clipped: NDArray[np.int32]
     bad: NDArray[np.int32]
 
@@ -80,7 +85,7 @@ def observe(capture: Capture, mask: NDArray[np.bool_], memory: float) -> Work[Ob
     clipped = yield from _drop_clipped(capture, mask, values, largest)
     floor = noise_floor(np.concatenate(sample)) / np.sqrt(3.0)  # the mean of three colours
     _to_roots(values, floor)
-    return Observations(values, floor, clipped, bad)
+    return Observations(values, floor, _holds_bounced_light(capture, values), clipped, bad)
 
 
 def _allocate(pixels: int, lights: int, memory: float) -> NDArray[np.float32]:
@@ -147,6 +152,27 @@ def noise_floor(sample: NDArray[np.float32]) -> float:
     # As many values as were cut off lie above 0; in pictures without noise so few small ones spread out widely.
     spread = 1.4826 * float(np.median(positive[: max(1, min(zeros, positive.size))]))
     return spread if zeros > 0.05 * sample.size and spread < 0.02 * usual else 0.0
+
+
+def _holds_bounced_light(capture: Capture, values: NDArray[np.float32]) -> bool:
+    """Return whether light bounced: as the renderer wrote down, or else because hardly any value is dark."""
+    bounces = capture.notes.get("transport", {}).get("bounces")
+    if bounces is not None:
+        return int(bounces) > 0
+    return float((values[:: max(1, len(values) // 4096)] <= 0.0).mean()) < BRIGHT_SHARE
+
+
+def noise_of(observations: Observations, rows: int = 8192) -> NDArray[np.float64]:
+    """Return the standard deviation that each pixel's values have beside their model, (P,), in value over intensity.
+
+    Bounced light, where there is any, cannot be foreseen to better than a share of the pixel's brighter values.
+    """
+    noise = np.full(len(observations.values), observations.floor)
+    if observations.bounced:
+        for start in range(0, len(noise), rows):
+            bright = np.quantile(observations.values[start : start + rows], 0.9, axis=1).astype(np.float64) ** 3
+            noise[start : start + rows] = np.hypot(observations.floor, UNFORESEEN * bright)
+    return noise
 
 
 def _to_roots(values: NDArray[np.float32], floor: float, rows: int = 8192) -> None:

@@ -175,14 +175,14 @@ def search(state, glossy, spread, pixel, sides):  # type: ignore[no-untyped-def]
 
 @parallel_kernel
 def compare_surfaces(  # type: ignore[no-untyped-def]
-    pixels, states, kinds, spreads, rays, near, far, values, positions, surface, noise
+    pixels, states, kinds, spreads, rays, near, far, values, positions, surface, noise, bounced
 ):
     """Return for some solved pixels the depths and explained shares of :func:`search`."""
     depths, explained = np.empty(len(pixels)), np.empty(len(pixels))
     nothing = np.zeros(UNKNOWNS)
     for i in prange(len(pixels)):
         own = pixels[i]
-        pixel = gather(values[own], rays[own], near[own], far[own], positions, noise, nothing, nothing, 1)
+        pixel = gather(values[own], rays[own], near[own], far[own], positions, noise[own], bounced, nothing, nothing, 1)
         sides = surface[values[own] > 0.0]
         depths[i], explained[i] = search(states[own], kinds[own] == GLOSSY, spreads[own], pixel, sides)
     return depths, explained
