@@ -61,7 +61,6 @@ def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: 
 def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: str) -> bpy.types.Object:
     """Add the asset to a scene with camera, light, sky and render settings; return the recovered object."""
     item = add_mesh(scene, name, mesh, surface_material(name, reflectance))
-    item["lightsphere_method"] = str(shape.notes.get("method", ""))
     for key, value in _figures(shape).items():
         item[key] = value
     camera = add_camera(scene, shape.camera)

@@ -153,7 +153,8 @@ class Demo:
         rows = [dataclasses.asdict(trial) for trial, _ in trials]
         images.write_text(self.folder / "tradeoff.json", json.dumps(rows, indent=1))
         trial, shape = trials[-1]
-        notes = {"capture": "../capture", "errors": trial.errors, "seconds": trial.seconds}
+        settings = dataclasses.asdict(ShapeSettings())
+        notes = {"capture": "../capture", "settings": settings, "errors": trial.errors, "seconds": trial.seconds}
         shape = dataclasses.replace(shape, notes=shape.notes | notes)
         write_ply(self._made("shape") / "mesh.ply", relief(shape))
         shape.save(self.folder / "shape")
