@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import properties, stages
 
@@ -19,7 +20,7 @@ class StagePanel:
     bl_region_type = "UI"
     bl_category = "Lightsphere"
     stage = ""
-    settings_type: type[Any] | None = None
+    settings_type: type[Any]
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what the stage opens, its button, why it is grey, and how far it is."""
@@ -32,8 +33,7 @@ class StagePanel:
             self.layout.progress(factor=share, text=words)
         else:
             self.draw_button(context)
-        if self.settings_type is not None:
-            self.draw_settings(context)
+        self.draw_settings(context)
 
     def draw_input(self, context: bpy.types.Context) -> None:
         """Draw what the stage opens."""
@@ -88,6 +88,7 @@ class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_material"
     bl_label = "Material"
     stage = "material"
+    settings_type = ReflectanceSettings
 
     def draw_input(self, context: bpy.types.Context) -> None:
         self.layout.prop(properties.of(context.scene), "shape_folder")

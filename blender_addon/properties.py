@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import settings
 
@@ -12,6 +13,7 @@ RELATIVE = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}}
 
 LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture")
 LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
+LIGHTSPHERE_PG_material = settings.group(ReflectanceSettings, "LIGHTSPHERE_PG_material")
 
 
 class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
@@ -19,6 +21,7 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
 
     capture: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_capture)
     shape: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_shape)
+    material: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_material)
     capture_folder: bpy.props.StringProperty(
         name="Capture", description="Folder of the capture that the next stage opens", subtype="DIR_PATH", **RELATIVE
     )
@@ -27,7 +30,7 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (LIGHTSPHERE_PG_capture, LIGHTSPHERE_PG_shape, LIGHTSPHERE_PG_scene)
+CLASSES = (LIGHTSPHERE_PG_capture, LIGHTSPHERE_PG_shape, LIGHTSPHERE_PG_material, LIGHTSPHERE_PG_scene)
 
 
 def attach() -> None:

@@ -10,6 +10,7 @@ import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import preferences, properties, results, settings, worker
 from .task import Task
@@ -97,7 +98,9 @@ class Material(Stage):
         return "" if (absolute(folder) / "shape.json").is_file() else "No recovered shape is there"
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        return ["material", str(absolute(properties.of(scene).shape_folder)), "-o", str(folder / results.ASSET)]
+        chosen = settings.values(properties.of(scene).material, ReflectanceSettings)
+        shape = absolute(properties.of(scene).shape_folder)
+        return ["material", str(shape), "-o", str(folder / results.ASSET), *settings.options(chosen)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
         return f"The asset {results.asset(scene, folder / results.ASSET).name!r} is in the scene"

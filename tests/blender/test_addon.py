@@ -17,6 +17,7 @@ import typer.main
 from pipeline import cli
 from pipeline.core.capture_settings import CaptureSettings
 from pipeline.core.errors import LightsphereError
+from pipeline.core.reflectance import ReflectanceSettings
 from pipeline.core.settings import limits_of
 from pipeline.core.shape.settings import ShapeSettings
 
@@ -24,7 +25,7 @@ from pipeline.core.shape.settings import ShapeSettings
 import addon_utils  # Blender's own, there once bpy is imported
 
 MODULE = "bl_ext.user_default.lightsphere"
-SETTINGS = {"capture": CaptureSettings, "shape": ShapeSettings}
+SETTINGS = {"capture": CaptureSettings, "shape": ShapeSettings, "material": ReflectanceSettings}
 
 
 def part(name: str) -> Any:
