@@ -41,12 +41,12 @@ def options(settings: Any) -> list[str]:
 def _property(item: dataclasses.Field[Any]) -> Any:
     limits = limits_of(item)
     shared = {
-        "name": item.name.replace("_", " ").capitalize(),
+        "name": item.name.replace("_", " ").title(),
         "description": limits.help[:1].upper() + limits.help[1:] + (f" [{limits.unit}]" if limits.unit else ""),
         "default": item.default,
     }
     if limits.choices:
-        choices = [(word, word.replace("-", " ").capitalize(), "") for word in limits.choices]
+        choices = [(word, word.replace("-", " ").title(), "") for word in limits.choices]
         return bpy.props.EnumProperty(items=choices, **shared)
     if isinstance(item.default, bool):
         return bpy.props.BoolProperty(**shared)
