@@ -42,7 +42,7 @@ def compare(
                 f"{first} and {second} cannot be compared; give two EXR pictures, or a shape folder and its capture"
             )
         path = output or first.with_name(f"{first.resolve().stem}-error.png")
-        path.write_bytes(heat(error, label))
+        images.write_bytes(path, heat(error, label))
         figures.values.update(values)
         figures.summary = ", ".join(f"{name} {value:.4g}" for name, value in values.items()) + f"; map in {path}"
 

@@ -169,7 +169,7 @@ class Demo:
         shape = Shape.open(self.folder / "shape")
         found = yield from fit(shape, self._opened_capture(), ReflectanceSettings())
         found.save(self.folder / "reflectance")
-        asset.write(path, shape, relief(shape), found, self.scene, overwrite=True)
+        asset.write(path, shape, relief(shape), found, Path(self.scene).stem, overwrite=True)
         self.record["asset_sha256"] = images.checksum(path)
 
     def _views(self) -> Work[None]:
@@ -222,7 +222,7 @@ class Demo:
         )  # fmt: skip
         images.write_text(self.folder / "report.html", report(results))
         yield Progress("report", 0.7, 1)
-        (self.folder / "teaser.png").write_bytes(teaser(results))
+        images.write_bytes(self.folder / "teaser.png", teaser(results))
         metrics = {
             "settings": self.record["settings"],
             **errors,

@@ -46,7 +46,7 @@ def tradeoff(
         writer.writeheader()
         writer.writerows(rows)
         images.write_text(output / "tradeoff.csv", sink.getvalue())
-        (output / "tradeoff.png").write_bytes(tradeoff_plot(trials, error, WORDS[error]))
+        images.write_bytes(output / "tradeoff.png", tradeoff_plot(trials, error, WORDS[error]))
         figures.values["trials"] = rows
         front = [trial.label for trial, better in zip(trials, beaten, strict=True) if not better]
         figures.summary = f"best for their time: {', '.join(front)}; tradeoff.csv and tradeoff.png in {output}"

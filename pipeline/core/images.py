@@ -76,9 +76,14 @@ def checksum(path: Path) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically; raise LightsphereError when the disk is full or the folder is closed."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file atomically; raise LightsphereError when the disk is full or the folder is closed."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_bytes(data)
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 
+from .. import images
 from ..errors import LightsphereError
 from .mesh import Mesh
 
@@ -23,13 +23,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
         vertices[name] = columns[:, i]
     faces = np.empty(len(mesh.faces), _FACE)
     faces["count"], faces["index"] = 3, mesh.faces
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_bytes(_header(len(vertices), len(faces)) + vertices.tobytes() + faces.tobytes())
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+    images.write_bytes(path, _header(len(vertices), len(faces)) + vertices.tobytes() + faces.tobytes())
 
 
 def read_ply(path: Path) -> Mesh:
