@@ -14,7 +14,7 @@ import pytest
 import typer.main
 
 from pipeline import cli
-from pipeline.commands.stage import Figures, JsonLines
+from pipeline.commands.stage import Figures, JsonLines, as_json
 from pipeline.core.progress import Progress
 
 ROOT = Path(__file__).parents[1]
@@ -130,3 +130,8 @@ def test_the_versions_agree() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     assert project == manifest
+
+
+def test_figures_that_are_no_numbers_become_null() -> None:
+    written = as_json({"a": float("nan"), "b": [1.5, {"c": float("inf")}], "d": "nan"})
+    assert json.loads(written) == {"a": None, "b": [1.5, {"c": None}], "d": "nan"}

@@ -44,7 +44,6 @@ def demo(
         run = Demo(output, settings)
         run_with_bar(run.work(), one_bar=True)
         figures.values.update(run.metrics())
-        figures.summary = (
-            f"depth {figures.values['depth_median_pct']:.2g} %, normals {figures.values['normal_mae_deg']:.2g} deg; "
-            f"open {output / 'report.html'} and {output / 'asset.blend'}"
-        )
+        errors = (("depth", "depth_median_pct", "%"), ("normals", "normal_mae_deg", "degrees"))
+        words = [f"{word} {figures.values[name]:.2g} {unit}" for word, name, unit in errors if figures.values[name]]
+        figures.summary = f"{', '.join(words)}; open {output / 'report.html'} and {output / 'asset.blend'}"

@@ -27,6 +27,7 @@ from ..core.shape.mesh import relief
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from ..core.tradeoff import Trial, light_counts, try_variants
+from .stage import as_json
 
 RECORD = "demo.json"
 NEW_VIEW_DEGREES = 22.0
@@ -230,7 +231,7 @@ class Demo:
             "tradeoff": self._read("tradeoff.json"),
             "effects": effects,
         }
-        images.write_text(self.folder / "metrics.json", json.dumps(metrics, indent=1))
+        images.write_text(self.folder / "metrics.json", as_json(metrics))
         yield Progress("report", 1, 1)
 
     def _capture_settings(self) -> CaptureSettings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
+import math
 import os
 import sys
 import time
@@ -143,6 +144,19 @@ def peak_memory_mb() -> float | None:
     return most / (1024**2 if sys.platform == "darwin" else 1024)  # macOS counts bytes, Linux KiB
 
 
+def as_json(values: Any) -> str:
+    """Return figures as JSON that every reader takes: what is not a number (nothing was recovered, say) is null."""
+    return json.dumps(_without_nan(values), indent=1, allow_nan=False)
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _without_nan(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 class Figures:
     """The figures of one run: seconds and peak memory by themselves, others as they are found.
 
@@ -165,5 +179,5 @@ class Figures:
         seconds = time.perf_counter() - self._start
         values = {"seconds": seconds, "peak_memory_mb": peak_memory_mb(), **self.values}
         if self.json_file is not None:
-            images.write_text(self.json_file, json.dumps(values, indent=1))
+            images.write_text(self.json_file, as_json(values))
         print(f"{self.stage}: {self.summary} ({seconds:.1f} s)")

@@ -114,7 +114,8 @@ def dominated(trials: Sequence[Trial], error: str) -> list[str]:
     """
 
     def costs(trial: Trial) -> tuple[float, float, float]:
-        return trial.seconds, trial.errors[error], -trial.errors.get("recovered_pct", 100.0)
+        wrong = trial.errors[error]  # not a number where nothing was recovered
+        return trial.seconds, np.inf if np.isnan(wrong) else wrong, -trial.errors.get("recovered_pct", 100.0)
 
     names = []
     for trial in trials:
@@ -124,7 +125,7 @@ def dominated(trials: Sequence[Trial], error: str) -> list[str]:
             for other in trials
             if costs(other) != own and all(a <= b for a, b in zip(costs(other), own, strict=True))
         ]
-        names.append(min(better, key=lambda other: other.errors[error]).label if better else "")
+        names.append(min(better, key=lambda other: costs(other)[1]).label if better else "")
     return names
 
 

@@ -132,6 +132,11 @@ def _head(r: Results) -> str:
     )
 
 
+def percent(value: float) -> str:
+    """Say a figure in per cent; a dash where there is none."""
+    return f"{value:.2g} %" if np.isfinite(value) else "–"
+
+
 def length(metres: float) -> str:
     """Say a length in the unit that suits it.
 
@@ -310,8 +315,8 @@ def _cost(r: Results) -> str:
             t.label,
             f"{t.seconds:.1f} s",
             f"{t.errors['recovered_pct']:.0f} %",
-            f"{t.errors[name]:.2g} %",
-            f"{t.errors['depth_p95_pct']:.2g} %",
+            percent(t.errors[name]),
+            percent(t.errors["depth_p95_pct"]),
             better or "–",
         ]
         for t, better in zip(r.trials, beaten, strict=True)

@@ -111,6 +111,7 @@ def _wire(triangles: NDArray[np.float64], half: float, tall: float) -> bytes:
 
 def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
     """Plot error against seconds, both logarithmic, with the Pareto front as a line."""
+    trials = [trial for trial in trials if np.isfinite(trial.errors[error])]
     figure = Figure(figsize=(5.4, 3.1))
     axes = figure.add_subplot()
     seconds = np.array([trial.seconds for trial in trials])

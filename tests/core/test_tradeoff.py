@@ -60,6 +60,8 @@ def test_the_pareto_front_is_what_nothing_beats() -> None:
     assert dominated(trials, "depth_median_pct") == ["", "", "quick", ""]
     assert dominated([trial("a", 1, 1), trial("b", 1, 1)], "depth_median_pct") == ["", ""]
     assert dominated([trial("a", 1, 1), trial("b", 1, 1, 90)], "depth_median_pct") == ["", "a"]
+    nothing = trial("nothing", 3, np.nan, 0)
+    assert dominated([trial("a", 1, 1), nothing], "depth_median_pct") == ["", "a"]
 
 
 def test_a_row_is_flat() -> None:
