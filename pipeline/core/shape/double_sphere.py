@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Work
-from . import Shape, joint
+from . import Shape
 from .beyond_model import compare
 from .coarse_to_fine import Solution, Views, solve
-from .lobe import DEPTH, NX
+from .fusion import disagreement, fuse
+from .joint import GLOSSY, NONE
+from .lobe import DEPTH, DIFFUSE, LOG_ALPHA, NX
 from .observations import noise_of, observe
 from .settings import ShapeSettings
 
+OWN_ERROR = 3.0  # expected error over the deviation that the fit states for itself
+MOST_DOUBT = 10.0  # disagreement with neighbours never raises it by more than this: their normals err, too
 NEAREST = 1e-3  # share of the surface's radius that stays free before the camera
 
 
@@ -52,7 +56,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     )  # fmt: skip
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
-    return as_shape(capture, mask, solution)
+    depth, deviation = settle(views, solution, settings.fuse)
+    return as_shape(capture, mask, solution, depth, deviation)
 
 
 def check_lights(capture: Capture) -> None:
@@ -106,21 +111,58 @@ def depth_limits(
     return near, np.maximum(along + half, near + 0.5 * radius)
 
 
-def as_shape(capture: Capture, mask: NDArray[np.bool_], solution: Solution) -> Shape:
-    """Put the solution of the masked pixels back into pictures."""
-    solved = solution.kind != joint.NONE
+def settle(views: Views, solution: Solution, fused: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return final depths and their expected errors, (P,) each [m]; NaN and infinite where not recovered.
+
+    The expected error is made of the fit's own (its curvature, taken threefold since misfit is not independent from
+    light to light), of what fusion changed, and of the disagreement with the neighbours that is left.
+    """
+    solved = solution.kind != NONE
     depth = np.where(solved, solution.state[:, DEPTH], np.nan)
-    normal = capture.camera.normals_to_camera(solution.state[:, NX : NX + 3])
-    scale = np.nanmedian(depth) * 1e-2
-    confidence = np.where(solved, 1.0 / (1.0 + solution.deviation / scale), 0.0)
+    normal = np.where(solved[:, None], solution.state[:, NX : NX + 3], np.nan)
+    own = OWN_ERROR * solution.deviation
+    apart = disagreement(views.mask, views.rays, depth, normal)
+    expected = np.hypot(own, np.minimum(apart, MOST_DOUBT * own))
+    if not fused:
+        return depth, expected
+    settled = fuse(views.mask, views.rays, depth, expected, normal)
+    apart = disagreement(views.mask, views.rays, settled, normal)
+    return settled, np.sqrt(own**2 + np.minimum(apart, MOST_DOUBT * own) ** 2 + (settled - depth) ** 2)
+
+
+def as_shape(
+    capture: Capture,
+    mask: NDArray[np.bool_],
+    solution: Solution,
+    depth: NDArray[np.float64],
+    deviation: NDArray[np.float64],
+) -> Shape:
+    """Put the results of the masked pixels back into pictures.
+
+    Confidence is 1 / (1 + expected error / (0.1 % of the object's width in the picture)): 1 where the depth is exact,
+    1/2 where it is expected to be off by a thousandth of the object.
+    """
+    solved = solution.kind != NONE
+    state = solution.state
+    columns = np.flatnonzero(mask.any(axis=0))
+    width = (columns[-1] - columns[0] + 1) / capture.camera.focal[0]
+    if capture.camera.model == "pinhole":
+        width *= float(np.median(depth[solved])) if solved.any() else 1.0
+    expected = np.where(solved, deviation, np.inf)
     picture = _Pictures(mask)
+    normal = np.where(solved[:, None], state[:, NX : NX + 3], np.nan)
+    layers = {
+        "expected_error": np.where(solved, expected, np.nan),
+        "residual": np.where(solved, solution.spread, np.nan),
+        "diffuse": np.where(solved, state[:, DIFFUSE], np.nan),
+        "roughness": np.where(solution.kind == GLOSSY, np.exp(0.5 * state[:, LOG_ALPHA]), np.nan),
+    }
     return Shape(
         camera=capture.camera,
         depth=picture(depth),
-        normal=picture(np.where(solved[:, None], normal, np.nan)),
-        confidence=picture(confidence, outside=0.0),
-        layers={"residual": picture(np.where(solved, solution.spread, np.nan))},
-        notes={"capture": str(capture.folder.resolve())},
+        normal=picture(np.asarray(normal @ capture.camera.to_world[:3, :3])),
+        confidence=picture(1.0 / (1.0 + expected / (1e-3 * width)), outside=0.0),
+        layers={name: picture(layer) for name, layer in layers.items()},
     )
 
 

@@ -172,7 +172,7 @@ def sweep(  # type: ignore[no-untyped-def]
 ):
     """Solve some pixels in parallel, reading the others' states from the sweep before."""
     count = len(pixels)
-    new_states = np.empty((count, STATE))
+    new_states = np.zeros((count, STATE))
     new_scores = np.empty(count)
     new_kinds = np.empty(count, np.int8)
     summaries = np.empty((count, 2))
