@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Work
-from . import Shape
+from . import Shape, source
 from .beyond_model import compare
 from .coarse_to_fine import Solution, Views, solve
 from .fusion import disagreement, fuse
@@ -54,6 +54,10 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
         mask, rays, near, far, observations.values, capture.lights.position,
         noise_of(observations), observations.bounced,
     )  # fmt: skip
+    if settings.objective == "source":
+        inner, outer = capture.lights.on("inner"), capture.lights.on("outer")
+        found = yield from source.solve(views, inner, outer, settings.candidates, settings.min_lit)
+        return as_source_shape(capture, mask, found)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
     depth, deviation = settle(views, solution, settings.fuse)
@@ -163,6 +167,21 @@ def as_shape(
         normal=picture(np.asarray(normal @ capture.camera.to_world[:3, :3])),
         confidence=picture(1.0 / (1.0 + expected / (1e-3 * width)), outside=0.0),
         layers={name: picture(layer) for name, layer in layers.items()},
+    )
+
+
+def as_source_shape(capture: Capture, mask: NDArray[np.bool_], depth: NDArray[np.float64]) -> Shape:
+    """Put depths alone into pictures: normals by central differences, confidence 1 wherever there is a depth."""
+    picture = _Pictures(mask)
+    origins, directions = capture.camera.rays()
+    points = origins + picture(depth)[..., None].astype(np.float64) * directions
+    normal = np.cross(np.gradient(points, axis=1), -np.gradient(points, axis=0))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return Shape(
+        camera=capture.camera,
+        depth=picture(depth),
+        normal=capture.camera.normals_to_camera(normal).astype(np.float32),
+        confidence=np.isfinite(picture(depth)).astype(np.float32),
     )
 
 
