@@ -1,0 +1,68 @@
+"""Compile every kernel once, on a small drawn ball, so that the first real solve does not wait for it.
+
+Set-up runs ``python -m pipeline.core.warm``; what is compiled stays in numba's cache on disk.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from . import images
+from .camera import Camera
+from .capture import Capture
+from .lights import Lights
+from .progress import finish
+from .reflectance import ReflectanceSettings
+from .reflectance.fit import fit
+from .rig import sphere
+from .shape.double_sphere import recover
+from .shape.settings import OBJECTIVES, ShapeSettings
+
+SIZE = 12
+LIGHTS = (60, 30)
+
+
+def main() -> None:
+    """Solve shape and reflectance of the ball by every objective."""
+    with tempfile.TemporaryDirectory() as folder:
+        capture = drawn(Path(folder))
+        for objective in OBJECTIVES:
+            shape = finish(recover(capture, dataclasses.replace(ShapeSettings(), objective=objective)))
+        finish(fit(shape, capture, ReflectanceSettings()))
+
+
+def drawn(folder: Path) -> Capture:
+    """Draw a ball of radius 0.8 m, left half Lambertian and right half of two lobes, which one lobe does not fit."""
+    to_world = np.eye(4)
+    to_world[2, 3] = 5.0
+    camera = Camera("pinhole", to_world, (SIZE, SIZE), (2.5 * SIZE, 2.5 * SIZE), (SIZE / 2, SIZE / 2))
+    origins, directions = camera.rays()
+    along = -(origins * directions).sum(-1)
+    inside = along**2 - (origins**2).sum(-1) + 0.64
+    points = origins + (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] * directions
+    mask = inside > 0
+    normal = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    position = np.concatenate([radius * sphere(count) for radius, count in zip((2.0, 3.0), LIGHTS, strict=True)])
+    lights = Lights("near", position, np.full((len(position), 3), 12.0), np.repeat([0, 1], LIGHTS))
+    files = tuple(f"light_{i:04d}.exr" for i in range(len(lights)))
+    for name, light in zip(files, position, strict=True):
+        reach = light - points
+        d2 = (reach**2).sum(-1, keepdims=True)
+        to_light = reach / np.sqrt(d2)
+        cosine = np.maximum((normal * to_light).sum(-1), 0.0)
+        half = to_light - directions
+        half /= np.linalg.norm(half, axis=-1, keepdims=True)
+        gloss = np.maximum((normal * half).sum(-1), 0.0)
+        lobes = (0.6 * gloss**200 + 0.3 * gloss**12) * (cosine > 0) * (np.arange(SIZE) > SIZE // 2)
+        picture = ((0.1 * cosine + lobes) * mask)[..., None] * 12.0 / d2
+        images.write_rgb(folder / name, np.repeat(picture, 3, axis=-1).astype(np.float32))
+    images.write_channels(folder / "mask.exr", {"mask.V": mask.astype(np.float32)})
+    return Capture(folder, camera, lights, files, ("",) * len(files), {"diameter": 1.6})
+
+
+if __name__ == "__main__":
+    main()
