@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -25,6 +26,8 @@ registry.add_commands(app)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 2 the input is at fault, 130 interrupted."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a script's background job; an interrupt sent to it is meant
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
         status = app(args=words, prog_name="lightsphere", standalone_mode=False)

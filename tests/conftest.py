@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import signal
 import tempfile
 from pathlib import Path
 
@@ -16,6 +17,9 @@ atexit.register(shutil.rmtree, RESOURCES, ignore_errors=True)
 os.environ["BLENDER_USER_RESOURCES"] = str(RESOURCES)
 # The extension keeps compiled kernels in Blender's folders, which are new here; empty means beside the source.
 os.environ["NUMBA_CACHE_DIR"] = ""
+
+# A script's background job ignores interrupts, and so would everything that the tests start and interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 EXTENSIONS = RESOURCES / "extensions" / "user_default"
 EXTENSIONS.mkdir(parents=True)

@@ -81,9 +81,10 @@ def test_a_program_sees_the_status_and_no_traceback(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_an_interrupt_ends_with_130(tmp_path: Path) -> None:
+@pytest.mark.parametrize("start", ["", "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"])
+def test_an_interrupt_ends_with_130(start: str) -> None:
     code = (
-        "import sys, time; from pipeline import cli\n"
+        f"{start}import sys, time; from pipeline import cli\n"
         "@cli.app.command('wait')\n"
         "def wait() -> None:\n"
         "    print('ready', flush=True); time.sleep(30)\n"
