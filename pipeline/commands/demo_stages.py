@@ -89,7 +89,7 @@ class Demo:
         return [
             Stage("plan", 6, {"plan": 1}, ("effects.json",), self._plan),
             Stage("capture", rendering, {"plan": 0.1, "render": 0.9}, ("capture/capture.json",), self._capture),
-            Stage("shape", 18 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
+            Stage("shape", 15 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
             Stage("material", 3, {"reflectance": 0.4}, ("asset.blend", "reflectance/reflectance.json"), self._material),
             Stage(
                 "views",
