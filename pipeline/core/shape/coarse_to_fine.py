@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..progress import Progress, Work
 from . import joint
+from .fit import EXACT
 from .lobe import BOUNCED, DIFFUSE, DIRECT_UNKNOWNS, LOG_ALPHA, STATE, UNKNOWNS
 
 GRIDS = (8, 4, 2, 1)
@@ -118,10 +119,11 @@ def solve(views: Views, min_lit: int) -> Work[Solution]:
             chosen = np.flatnonzero(todo & (places % grid == 0).all(axis=1))
             todo[chosen] = False
         else:  # a last sweep hands better solutions on
-            chosen = np.arange(len(places))
+            chosen = np.flatnonzero(~(solution.spread < EXACT))
         for part in _sweep(views, values, False, solution, chosen, max(1, grid), min_lit):
             done += part
             yield Progress("shape", done, total, "pixels")
+    done = 2 * len(places)  # the last sweep leaves out what is exact
     if views.bounced:
         yield from _with_bounced_light(views, solution, min_lit)
     yield from _in_company(views, solution, done, total)
@@ -175,7 +177,7 @@ def _with_bounced_light(views: Views, solution: Solution, min_lit: int) -> Work[
 def _in_company(views: Views, solution: Solution, done: int, total: int) -> Work[None]:
     """Refit pixels whose pictures are noisy, expecting lobes like those of their neighbours."""
     for _ in range(COMPANY_ROUNDS):
-        chosen = np.flatnonzero((solution.kind == joint.GLOSSY) & (solution.spread > joint.EXACT))
+        chosen = np.flatnonzero((solution.kind == joint.GLOSSY) & (solution.spread > EXACT))
         expected, precision = _neighbours_lobes(views.mask, solution, chosen)
         for start in range(0, len(chosen), BLOCK):
             part = slice(start, start + BLOCK)

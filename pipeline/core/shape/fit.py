@@ -28,6 +28,7 @@ from .lobe import (
 )
 
 ROUNDING = 1e-6  # residuals below this share of the median root are the rounding of float pictures
+EXACT = 2e-5  # a spread below this share of the median root leaves nothing to explain: float pictures' rounding
 FIRST_DAMPING = 1e-3
 # Where each unknown stands in the state; nothing is ever known of the two that turn the normal.
 PLACES = (DEPTH, -1, -1, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE, 9, 10, 11, 12)
@@ -189,7 +190,10 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
     for s in range(len(scales) + 1):
         last = s == len(scales)  # no steps: the state's own figures at the spread that it reached
         reweigh(pixel, residuals)
-        sigma = max(floor, (1.0 if last else scales[s]) * 1.4826 * np.median(np.abs(residuals)))
+        spread = 1.4826 * np.median(np.abs(residuals))
+        if 0 < s < len(scales) and spread < EXACT * pixel.middle:
+            continue
+        sigma = max(floor, (1.0 if last else scales[s]) * spread)
         cost = objective(state, glossy, pixel, sigma, residuals, jacobian)
         damping = FIRST_DAMPING
         for _ in range(0 if last else iterations):

@@ -110,6 +110,8 @@ def fuse(
         Standard deviation of each depth [m].
     """
     known = np.isfinite(depth) & np.isfinite(normal).all(axis=1)
+    if not known.any():
+        return depth.copy()
     both = pairs(mask)
     both = both[known[both].all(axis=1)]
     a, b, distance = pair_equations(rays, depth, normal, both)

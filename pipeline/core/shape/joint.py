@@ -6,12 +6,11 @@ import numpy as np
 from numba import prange
 
 from ..compiled import kernel, parallel_kernel
-from .fit import diffuse_start, glossy_start, refine
+from .fit import EXACT, diffuse_start, glossy_start, refine
 from .lobe import DEPTH, NX, NY, NZ, STATE, UNKNOWNS, Pixel, evaluate
 
 NONE, DIFFUSE_ONLY, GLOSSY = 0, 1, 2
 SCORE_SCALE = 0.01  # share of the median root: residuals above it count as misfit when starts are compared
-EXACT = 2e-5  # a relative spread below this is the rounding of float pictures: nothing is left to explain
 NO_SCALES = np.empty(0)
 QUICK = np.array([2.0])
 FULL = np.array([4.0, 2.0, 1.0])
@@ -161,7 +160,7 @@ def solve_pixel(own, others, states, scores, kinds, rays, pixel, out, summary): 
         if score < best and (best == np.inf or np.log(best) - np.log(score + 1e-300) > price):
             best, kind = score, (GLOSSY if glossy else DIFFUSE_ONLY)
             out[:] = trial
-    refine(out, kind == GLOSSY, pixel, FULL[2:], 2, summary)
+    refine(out, kind == GLOSSY, pixel, NO_SCALES, 0, summary)
     summary[0] /= pixel.middle
     return score_of(out, kind == GLOSSY, pixel), kind
 

@@ -15,6 +15,7 @@ from ..progress import Progress, Work
 
 BAD_SHARE = 0.5  # a picture with more unusable pixels than this is damaged, not noisy
 CLIPPED_PIXELS = 4  # this many pixels with exactly the largest value of the capture are saturated, not bright
+FEW_DISTINCT = 0.02  # share of distinct values below which pictures are quantised
 DARK_DEVIATIONS = 3.0  # values below this many deviations of the noise floor count as unlit
 NOISE_SAMPLE = 3_000_000  # single colours looked at to estimate the noise floor
 UNFORESEEN = 0.02  # of the 90th percentile: how far bounced light strays from its model
@@ -83,7 +84,10 @@ def observe(capture: Capture, mask: NDArray[np.bool_], memory: float) -> Work[Ob
         largest[light] = float(seen[usable].max())
         yield Progress("read", light + 1, lights, "pictures")
     clipped = yield from _drop_clipped(capture, mask, values, largest)
-    floor = noise_floor(np.concatenate(sample)) / np.sqrt(3.0)  # the mean of three colours
+    seen_values = np.concatenate(sample)
+    floor = noise_floor(seen_values)
+    if not quantisation_step(seen_values):  # independent in the three colours, of which the mean is taken
+        floor /= np.sqrt(3.0)
     _to_roots(values, floor)
     return Observations(values, floor, _holds_bounced_light(capture, values), clipped, bad)
 
@@ -120,6 +124,17 @@ def _drop_clipped(
     return clipped
 
 
+def quantisation_step(sample: NDArray[np.float32]) -> float:
+    """Return the spacing of values (N,) of which few are distinct, 0 where they are not quantised."""
+    positive = np.sort(sample[sample > 0]).astype(np.float64)
+    if positive.size == 0:
+        return 0.0
+    distinct = positive[np.flatnonzero(np.diff(positive, prepend=0.0) > 1e-4 * positive[0])]
+    if distinct.size > FEW_DISTINCT * positive.size:
+        return 0.0
+    return float(np.min(np.diff(distinct, prepend=0.0)))
+
+
 def noise_floor(sample: NDArray[np.float32]) -> float:
     """Estimate the standard deviation of the value-independent noise from the darkest values.
 
@@ -136,16 +151,14 @@ def noise_floor(sample: NDArray[np.float32]) -> float:
 
     Not modelled: noise that differs between pictures.
     """
-    if sample.size == 0:
-        return 0.0
-    usual = float(np.quantile(sample, 0.9))
+    step = quantisation_step(sample)
+    if step:
+        return step / float(np.sqrt(12.0))
     positive = np.sort(sample[sample > 0]).astype(np.float64)
-    zeros = int((sample == 0).sum())
     if positive.size == 0:
         return 0.0
-    distinct = positive[np.flatnonzero(np.diff(positive, prepend=0.0) > 1e-4 * positive[0])]
-    if distinct.size < 0.02 * positive.size:
-        return float(np.min(np.diff(distinct, prepend=0.0)) / np.sqrt(12.0))
+    usual = float(np.quantile(sample, 0.9))
+    zeros = int((sample == 0).sum())
     negative = -sample[sample < 0]
     if negative.size > 0.02 * sample.size:
         return 1.4826 * float(np.median(negative))
