@@ -32,3 +32,24 @@ NODES = 3e-3
 TEXTURE = 2**-11
 # A camera's lens and shift are float32 in Blender.
 CAMERA_PIXELS = 1e-3
+
+# The shape solver
+# Central differences with steps of 1e-6 in float64 keep 8 digits of the residuals' 1e-16 over 1e-6, less curvature.
+JACOBIAN = 1e-5
+# The model against the closed form that it contains: reordered float64 sums and cube roots.
+CLOSED_FORM = 1e-7
+# Walter's rational fit of Beckmann's Lambda is good to .35 %, of which light and viewer have one each.
+WALTER_LAMBDA = 0.01
+# A planted depth without noise, [m] at some 5 m: where Levenberg-Marquardt ends.
+PLANTED_DEPTH = 1e-4
+# Depth on drawn float32 pictures, % of the diameter: float32 depths of 5 m hold 3e-5 % of 1.6 m. Lambda of the
+# Beckmann lobe is Walter's fit, good to .35 % of the picture.
+DEPTH_EXACT = 1e-3
+DEPTH_BECKMANN = 0.02
+# Angles from float32 normals, degrees, where the depths are exact.
+NORMAL_EXACT = 0.02
+# Depths of equivalent captures [% of the diameter]: float32 pictures are rounded differently, and where the model only
+# approximates the lobe, Levenberg-Marquardt ends once a step gains less than 1e-5 of the cost that is left.
+EQUIVALENT = 5e-3
+# An estimated noise level of a few thousand values, relative; the clipped one leans on few.
+NOISE_FLOOR = 0.3
