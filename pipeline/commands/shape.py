@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +18,8 @@ from ..core.shape.mesh import relief
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from .stage import Figures, JsonFile, run_with_bar, settings_options
+
+NAMED = 5  # changed pictures that a warning names
 
 
 @settings_options(ShapeSettings)
@@ -42,3 +45,16 @@ def shape(
         figures.values.update(errors)
         words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
         figures.summary = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"
+    _warn_of_changes(opened)
+
+
+def _warn_of_changes(capture: Capture) -> None:
+    """Say on stderr which pictures are not those recorded; one that was replaced on purpose may well be used."""
+    changed = [name for name in capture.changed() if (capture.folder / name).is_file()]
+    if changed:
+        names = ", ".join(changed[:NAMED]) + (f" and {len(changed) - NAMED} more" if len(changed) > NAMED else "")
+        print(
+            f"lightsphere: {capture.folder}: {names} changed after being recorded; "
+            "if that was not meant, delete them and run lightsphere capture again",
+            file=sys.stderr,
+        )

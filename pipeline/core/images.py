@@ -6,9 +6,11 @@ and another one takes its place there (:func:`use_library`).
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -111,13 +113,29 @@ def _write_openexr(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
 
 
+_QUIET = threading.Lock()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Hold back what the library itself prints about a damaged file, on both streams; the error raised says it."""
+    with _QUIET, Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+        stderr = os.dup(2)
+        try:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+
+
 def _read_openexr(path: Path) -> dict[str, NDArray[Any]]:
     import OpenEXR
 
     try:
-        with OpenEXR.File(str(path), header_only=True) as header:
+        with _quiet(), OpenEXR.File(str(path), header_only=True) as header:
             promised = len(header.parts)
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with _quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
             if len(file.parts) < promised:  # of a file cut off the library leaves parts out, with a warning only
                 raise RuntimeError("the file ends too early")
             channels = {}
