@@ -13,6 +13,7 @@ import typer
 
 from ..core.capture import Capture
 from ..core.compare import shape_errors
+from ..core.errors import LightsphereError
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
 from ..core.shape.ply import write_ply
@@ -37,6 +38,11 @@ def shape(
         figures.values["solve_seconds"] = time.perf_counter() - start
         found.notes["settings"] = dataclasses.asdict(settings)
         found.notes["capture"] = os.path.relpath(capture, output)
+        if not (found.confidence > 0).any():
+            raise LightsphereError(
+                f"{capture}: no pixel is lit by {settings.min_lit} lights or more; "
+                "look at the pictures, or lower --min-lit"
+            )
         truth = opened.truth()
         errors: dict[str, Any] = shape_errors(found, truth, opened.mask()) if truth is not None else {}
         found.notes["errors"] = errors

@@ -161,6 +161,13 @@ def test_a_dark_pixel_is_marked_and_the_rest_is_solved(folder: Path, capsys: pyt
     assert np.isfinite(found.depth[6, 5])
 
 
+def test_a_dark_capture(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in folder.glob("light_*.exr"):
+        images.write_rgb(path, np.zeros((12, 12, 3), np.float32))
+    change_lights(folder, lambda i, light: light.pop("sha256"))
+    refused(capsys, folder, "no pixel is lit by 12 lights", "--min-lit")
+
+
 def test_pictures_changed_since_they_were_recorded_are_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for i in range(7):
         path = folder / f"light_{i:04d}.exr"
