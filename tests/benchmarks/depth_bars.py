@@ -127,6 +127,7 @@ def main() -> None:
             print(row(bar), flush=True)
         print("high/low: depth p95 of the highest confidence third over the lowest third's, bar 0.25, where the lowest")
         print(f"third's exceeds {EXACT} %. Seconds include reading 400 pictures; {os.cpu_count()} cores.")
+        print(exposure(captured(cache, "teapot-plastic")))
         for scene, limit in (("teapot-lambert", 6), ("teapot-metal", 60)):
             print(timing(scene, captured(cache, scene), limit), flush=True)
         if chosen.memory:
@@ -212,6 +213,18 @@ def brightest(capture: Capture) -> tuple[float, float]:
     mask = capture.mask()
     values = np.concatenate([capture.image(i)[mask].ravel() for i in range(len(capture))])
     return float(values.max()), float(np.quantile(values, 0.999))
+
+
+def exposure(capture: Capture) -> str:
+    """Return a line on what 8 bits keep of the capture when its largest value is white."""
+    mask = capture.mask()
+    values = np.concatenate([capture.image(i)[mask].ravel() for i in range(len(capture))])
+    largest, usual = brightest(capture)
+    steps = 255 * float(np.median(values[values > 0])) / largest
+    return (
+        f"8 bits to the largest: the brightest highlight is {largest / usual:.0f} times the 99.9th percentile, so that "
+        f"the median lit value is {steps:.2f} of one step: what is rounded away, no solver brings back."
+    )
 
 
 def eight_bit(white: float) -> Change:
