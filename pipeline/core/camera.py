@@ -69,6 +69,11 @@ class Camera:
             directions = np.broadcast_to(-rotation[:, 2], origins.shape).copy()
         return origins, directions
 
+    def pixel_size(self, depth: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the width across the view that a pixel covers at depths of any shape [m]."""
+        depth = np.asarray(depth, np.float64)
+        return np.asarray((depth if self.model == "pinhole" else np.ones_like(depth)) / self.focal[0])
+
     def normals_to_world(self, normals: NDArray[Any]) -> NDArray[np.float64]:
         """Rotate camera-space normals (..., 3) to world space; NaN stays NaN."""
         with np.errstate(invalid="ignore"):

@@ -2,9 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+from pathlib import Path
 from typing import Any
 
+import numba
 from numba import njit
+
+
+def cache_folder() -> Path:
+    """Return where compiled kernels are kept: a folder named after what all of them are compiled from.
+
+    numba notices a change in a kernel's own file only, not in those of the kernels that it calls. The folder lies in
+    ``NUMBA_CACHE_DIR`` where that is set, beside this file otherwise.
+    """
+    sources = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        sources.update(path.read_bytes())
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(chosen) if chosen else Path(__file__).parent / "__pycache__"
+    return folder / f"kernels-{sources.hexdigest()[:16]}"
+
+
+numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
 
 # Sums may be reordered and fused; infinities and NaN keep their meaning, solvers use them.
 _ALLOWED = {"contract", "reassoc", "arcp", "nsz", "afn"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import Camera
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Work
@@ -19,6 +20,7 @@ from .settings import ShapeSettings
 
 OWN_ERROR = 3.0  # expected error over the deviation that the fit states for itself
 MOST_DOUBT = 10.0  # disagreement with neighbours never raises it by more than this: their normals err, too
+PIXEL_ERROR = 1e-3  # how far from a pixel's centre Cycles samples it with the narrowest filter, share of the pixel
 NEAREST = 1e-3  # share of the surface's radius that stays free before the camera
 
 
@@ -60,7 +62,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
         return as_source_shape(capture, mask, found)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
-    depth, deviation = settle(views, solution, settings.fuse)
+    depth, deviation = settle(views, solution, capture.camera, settings.fuse)
     return as_shape(capture, mask, solution, depth, deviation)
 
 
@@ -115,23 +117,36 @@ def depth_limits(
     return near, np.maximum(along + half, near + 0.5 * radius)
 
 
-def settle(views: Views, solution: Solution, fused: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def settle(
+    views: Views, solution: Solution, camera: Camera, fused: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return final depths and their expected errors, (P,) each [m]; NaN and infinite where not recovered.
 
     The expected error is made of the fit's own (its curvature, taken threefold since misfit is not independent from
-    light to light), of what fusion changed, and of the disagreement with the neighbours that is left.
+    light to light), of what fusion changed, of the disagreement with the neighbours that is left, and of where in the
+    pixel the pictures were sampled.
     """
     solved = solution.kind != NONE
     depth = np.where(solved, solution.state[:, DEPTH], np.nan)
     normal = np.where(solved[:, None], solution.state[:, NX : NX + 3], np.nan)
     own = OWN_ERROR * solution.deviation
+    beside = pixel_error(views.rays, camera.pixel_size(depth), normal)
     apart = disagreement(views.mask, views.rays, depth, normal)
     expected = np.hypot(own, np.minimum(apart, MOST_DOUBT * own))
     if not fused:
-        return depth, expected
+        return depth, np.hypot(expected, beside)
     settled = fuse(views.mask, views.rays, depth, expected, normal)
     apart = disagreement(views.mask, views.rays, settled, normal)
-    return settled, np.sqrt(own**2 + np.minimum(apart, MOST_DOUBT * own) ** 2 + (settled - depth) ** 2)
+    left = np.minimum(apart, MOST_DOUBT * own)
+    return settled, np.sqrt(own**2 + left**2 + (settled - depth) ** 2 + beside**2)
+
+
+def pixel_error(
+    rays: NDArray[np.float64], size: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the depth error (P,) [m] on a slanted surface when pictures are sampled beside the pixel centres."""
+    facing = np.clip(-(normal * rays[:, 3:]).sum(axis=1), 0.02, 1.0)
+    return np.asarray(PIXEL_ERROR * size * np.sqrt(1.0 - facing**2) / facing)
 
 
 def as_shape(
@@ -149,9 +164,8 @@ def as_shape(
     solved = solution.kind != NONE
     state = solution.state
     columns = np.flatnonzero(mask.any(axis=0))
-    width = (columns[-1] - columns[0] + 1) / capture.camera.focal[0]
-    if capture.camera.model == "pinhole":
-        width *= float(np.median(depth[solved])) if solved.any() else 1.0
+    usual_depth = np.median(depth[solved]) if solved.any() else 1.0
+    width = (columns[-1] - columns[0] + 1) * float(capture.camera.pixel_size(np.array(usual_depth)))
     expected = np.where(solved, deviation, np.inf)
     picture = _Pictures(mask)
     normal = np.where(solved[:, None], state[:, NX : NX + 3], np.nan)

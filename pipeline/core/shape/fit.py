@@ -29,6 +29,7 @@ from .lobe import (
 
 ROUNDING = 1e-6  # residuals below this share of the median root are the rounding of float pictures
 EXACT = 2e-5  # a spread below this share of the median root leaves nothing to explain: float pictures' rounding
+CONVERGED = 0.3 * EXACT  # root mean square of the residuals over the median root at which steps end
 FIRST_DAMPING = 1e-3
 # Where each unknown stands in the state; nothing is ever known of the two that turn the normal.
 PLACES = (DEPTH, -1, -1, LOG_ALPHA, KAPPA, DIFFUSE, SPECULAR, RISE, 9, 10, 11, 12)
@@ -211,7 +212,7 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
                 break
             state[:] = trial
             damping = max(1e-9, damping * 0.15)
-            done = gain < 1e-5 * cost
+            done = gain < 1e-5 * cost or cost - gain < (CONVERGED * pixel.middle / sigma) ** 2
             cost = objective(state, glossy, pixel, sigma, residuals, jacobian)
             if done:
                 break

@@ -144,18 +144,19 @@ def solve_pixel(own, others, states, scores, kinds, rays, pixel, out, summary): 
             expected = min(expected, scores[others[k]])
     good = 2.0 * expected + 1e-6
     trial = np.empty(STATE)
+    exact = False  # one value that the model cannot explain spoils a score, but not the spread
     for glossy in (False, True):
-        if (not glossy and seen[GLOSSY] and not seen[DIFFUSE_ONLY]) or (
-            glossy and kind == DIFFUSE_ONLY and best < 1e-5
-        ):
+        if exact or (not glossy and seen[GLOSSY] and not seen[DIFFUSE_ONLY]):
             continue
         score = from_neighbours(trial, glossy, others, states, kinds, rays, pixel, summary)
-        if first and not score < good:
+        exact = score < np.inf and summary[0] < EXACT * pixel.middle
+        if first and not exact and not score < good:
             again = np.empty(STATE)
             blind_score = blind(again, glossy, pixel, summary)
             if blind_score < score:
                 score = blind_score
                 trial[:] = again
+                exact = summary[0] < EXACT * pixel.middle
         price = LOBE_UNKNOWNS * np.log(count) / count if glossy and kind == DIFFUSE_ONLY else 0.0
         if score < best and (best == np.inf or np.log(best) - np.log(score + 1e-300) > price):
             best, kind = score, (GLOSSY if glossy else DIFFUSE_ONLY)

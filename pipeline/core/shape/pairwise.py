@@ -15,7 +15,7 @@ from numba import prange
 
 from ..compiled import kernel, parallel_kernel
 from .joint import GLOSSY, gather
-from .lobe import DEPTH, UNKNOWNS, evaluate
+from .lobe import DEPTH, UNKNOWNS, evaluate, tangents
 
 NEAREST = 7  # directions of the other surface that predict one
 MOST_LEVERAGE = 0.6  # predictions that lean more than this on few neighbours extrapolate
@@ -70,7 +70,7 @@ def predict(target, directions, ratios, others):  # type: ignore[no-untyped-def]
         nearest[at] = j
     if nearest[NEAREST] < 0:
         return np.nan
-    ax, ay, az, bx, by, bz = _frame(target)
+    ax, ay, az, bx, by, bz = tangents(target[0], target[1], target[2])
     m00 = m01 = m02 = m11 = m12 = m22 = r0 = r1 = r2 = 0.0
     for k in range(NEAREST):
         j = nearest[k]
@@ -95,14 +95,6 @@ def predict(target, directions, ratios, others):  # type: ignore[no-untyped-def]
     if leverage > MOST_LEVERAGE * 4.0 / max(m00, 1e-12):
         return np.nan
     return (c0 * r0 + c1 * r1 + c2 * r2) / determinant
-
-
-@kernel
-def _frame(n):  # type: ignore[no-untyped-def]
-    sign = 1.0 if n[2] >= 0.0 else -1.0
-    a = -1.0 / (sign + n[2])
-    b = n[0] * n[1] * a
-    return 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0], b, sign + n[1] * n[1] * a, -n[1]
 
 
 @kernel
