@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,8 +94,8 @@ def observe(capture: Capture, mask: NDArray[np.bool_], memory: float) -> Work[Ob
 def _allocate(pixels: int, lights: int, memory: float) -> NDArray[np.float32]:
     if pixels * lights * 4 <= memory * 2**20:
         return np.empty((pixels, lights), np.float32)
-    with tempfile.NamedTemporaryFile(prefix="lightsphere-", suffix=".f32") as file:
-        return np.memmap(Path(file.name), np.float32, "w+", shape=(pixels, lights))
+    with tempfile.TemporaryFile() as file:  # the mapping keeps it; a name to open again would fail on Windows
+        return np.memmap(file, np.float32, "w+", shape=(pixels, lights))
 
 
 def _over_intensity(seen: NDArray[np.float32], intensity: NDArray[np.float64]) -> NDArray[np.float32]:
