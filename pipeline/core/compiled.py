@@ -14,12 +14,15 @@ from numba import njit
 def cache_folder() -> Path:
     """Return where compiled kernels are kept: a folder named after what all of them are compiled from.
 
-    numba notices a change in a kernel's own file only, not in those of the kernels that it calls. The folder lies in
+    numba notices a change in a kernel's own file only, not in those of the kernels that it calls; those lie in files
+    that make kernels, too, and constants of a kernel must stand in such a file. The folder lies in
     ``NUMBA_CACHE_DIR`` where that is set, beside this file otherwise.
     """
     sources = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
-        sources.update(path.read_bytes())
+        source = path.read_bytes()
+        if b"compiled import" in source or path == Path(__file__):
+            sources.update(source)
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else Path(__file__).parent / "__pycache__"
     return folder / f"kernels-{sources.hexdigest()[:16]}"
