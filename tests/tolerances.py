@@ -8,8 +8,9 @@ RADIANCE_LAMBERT = 5e-5
 RADIANCE_GGX = 2e-3
 # Two lights behind each other give the same d^2 L but for float32 rounding of both distances.
 COLLINEAR = 2e-5
-# Cycles samples within 0.01 px of the pixel's centre.
-POSITION_PIXELS = 2e-3
+# Cycles samples pixel centres but for float32's rounding of camera and position; half a step of its table of a box
+# filter, 5e-4, must not pass.
+POSITION_PIXELS = 2e-4
 # Half floats have 11 significant bits.
 HALF = 2**-11
 # A second user of a mesh moves the ray-triangle test into object space: rounding alone.

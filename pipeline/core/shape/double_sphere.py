@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Work
@@ -20,7 +19,6 @@ from .settings import ShapeSettings
 
 OWN_ERROR = 3.0  # expected error over the deviation that the fit states for itself
 MOST_DOUBT = 10.0  # disagreement with neighbours never raises it by more than this: their normals err, too
-PIXEL_ERROR = 1e-3  # how far from a pixel's centre Cycles samples it with the narrowest filter, share of the pixel
 NEAREST = 1e-3  # share of the surface's radius that stays free before the camera
 
 
@@ -62,7 +60,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
         return as_source_shape(capture, mask, found)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
-    depth, deviation = settle(views, solution, capture.camera, settings.fuse)
+    depth, deviation = settle(views, solution, settings.fuse)
     return as_shape(capture, mask, solution, depth, deviation)
 
 
@@ -117,36 +115,27 @@ def depth_limits(
     return near, np.maximum(along + half, near + 0.5 * radius)
 
 
-def settle(
-    views: Views, solution: Solution, camera: Camera, fused: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def settle(views: Views, solution: Solution, fused: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return final depths and their expected errors, (P,) each [m]; NaN and infinite where not recovered.
 
     The expected error is made of the fit's own (its curvature, taken threefold since misfit is not independent from
-    light to light), of what fusion changed, of the disagreement with the neighbours that is left, and of where in the
-    pixel the pictures were sampled.
+    light to light), of what fusion changed, and of the disagreement with the neighbours that is left. Not modelled:
+    pictures that were sampled beside the pixel centres.
     """
     solved = solution.kind != NONE
     depth = np.where(solved, solution.state[:, DEPTH], np.nan)
     normal = np.where(solved[:, None], solution.state[:, NX : NX + 3], np.nan)
     own = OWN_ERROR * solution.deviation
-    beside = pixel_error(views.rays, camera.pixel_size(depth), normal)
-    apart = disagreement(views.mask, views.rays, depth, normal)
-    expected = np.hypot(own, np.minimum(apart, MOST_DOUBT * own))
-    if not fused:
-        return depth, np.hypot(expected, beside)
-    settled = fuse(views.mask, views.rays, depth, expected, normal)
-    apart = disagreement(views.mask, views.rays, settled, normal)
-    left = np.minimum(apart, MOST_DOUBT * own)
-    return settled, np.sqrt(own**2 + left**2 + (settled - depth) ** 2 + beside**2)
+    settled = fuse(views.mask, views.rays, depth, expected_error(views, own, depth, normal), normal) if fused else depth
+    return settled, np.hypot(expected_error(views, own, settled, normal), settled - depth)
 
 
-def pixel_error(
-    rays: NDArray[np.float64], size: NDArray[np.float64], normal: NDArray[np.float64]
+def expected_error(
+    views: Views, own: NDArray[np.float64], depth: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the depth error (P,) [m] on a slanted surface when pictures are sampled beside the pixel centres."""
-    facing = np.clip(-(normal * rays[:, 3:]).sum(axis=1), 0.02, 1.0)
-    return np.asarray(PIXEL_ERROR * size * np.sqrt(1.0 - facing**2) / facing)
+    """Return the expected error (P,) [m] of depths that have one of their own and neighbours to disagree with."""
+    apart = disagreement(views.mask, views.rays, depth, normal)
+    return np.hypot(own, np.minimum(apart, MOST_DOUBT * own))
 
 
 def as_shape(
