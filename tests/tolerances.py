@@ -54,3 +54,8 @@ NORMAL_EXACT = 0.02
 EQUIVALENT = 5e-3
 # An estimated noise level of a few thousand values, relative; the clipped one leans on few.
 NOISE_FLOOR = 0.3
+
+# Photometric stereo
+# Azimuth by symmetry, times the sine of the slant [degrees]: a picture under 150 lights, some 11 degrees apart, is
+# interpolated linearly between three of them.
+AZIMUTH = 0.1
