@@ -116,7 +116,8 @@ def add_light(
 def sky() -> bpy.types.World:
     """Make a faint, even sky."""
     world = bpy.data.worlds.new("Faint sky")
-    world.use_nodes = True
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
     background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
     background.inputs["Color"].default_value = (*SKY, 1.0)
     return world

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import LightsphereError
-from ..core.inside import winding_number
+from ..core.inside import distance_to, winding_number
 
 BACKDROP = "lightsphere_backdrop"
+TOUCHING = 1e-5  # of the object's extent: a light this close to the surface stands on it, to float32 coordinates
 RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 
 
@@ -41,18 +42,20 @@ def object_triangles(scene: bpy.types.Scene) -> NDArray[np.float64]:
 
 
 def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]) -> None:
-    """Raise LightsphereError naming the first light that stands inside the object or touches its surface.
+    """Raise LightsphereError naming the first light that stands inside the object or on its surface.
 
     Only lights inside the object's bounding box can, so that the costly test is rare.
     """
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
-    near = np.flatnonzero(((positions >= low) & (positions <= high)).all(axis=1))
-    inside = near[abs(winding_number(positions[near], triangles)) > 0.5]
-    if len(inside):
-        x, y, z = positions[inside[0]]
+    touching = TOUCHING * (high - low).max()
+    near = np.flatnonzero(((positions >= low - touching) & (positions <= high + touching)).all(axis=1))
+    inside = abs(winding_number(positions[near], triangles)) > 0.5
+    wrong = near[inside | (distance_to(positions[near], triangles) <= touching)]
+    if len(wrong):
+        x, y, z = positions[wrong[0]]
         raise LightsphereError(
-            f"light {inside[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object, as {len(inside)} of "
-            f"{len(positions)} lights are; enlarge the rig or move them"
+            f"light {wrong[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object or on its surface, as "
+            f"{len(wrong)} of {len(positions)} lights are; enlarge the rig or move them"
         )
 
 

@@ -51,7 +51,8 @@ def surface_material(name: str, reflectance: Reflectance) -> bpy.types.Material:
         custom properties of the material.
     """
     material = bpy.data.materials.new(name)
-    material.use_nodes = True
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     group = _node(tree, "ShaderNodeGroup", (0, 0), width=240)

@@ -20,6 +20,7 @@ from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
+LEFT_OUT = ("saturated_values", "broken_values")
 NAMED = 5  # changed pictures that a warning names
 
 
@@ -48,9 +49,11 @@ def shape(
         found.notes["errors"] = errors
         found.save(output)
         write_ply(output / "mesh.ply", relief(found))
-        figures.values.update(errors)
+        left_out = {name: found.notes[name] for name in LEFT_OUT}
+        figures.values.update(errors, **left_out)
         words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
-        figures.summary = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"
+        words = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"
+        figures.summary = words + "".join(f", {name} {count}" for name, count in left_out.items() if count)
     _warn_of_changes(opened)
 
 

@@ -1,9 +1,10 @@
 """Every bar that depth is held to, on captures of the built-in teapots: error, confidence, time and memory.
 
-Run as ``python tests/benchmarks/depth_bars.py [--cache FOLDER] [--full] [--source] [--memory]``. Captures are made
-where the folder does not hold them yet: 100x100 pixels, 320 and 80 lights at 2 and 3 m, direct light. ``--full`` adds
-full light transport (its capture takes several minutes), ``--source`` the original objective for comparison, and
-``--memory`` a solve at 512x512. All solves use the default settings; kernels are compiled before the first.
+Run as ``.venv-3.13/bin/python tests/benchmarks/depth_bars.py [--cache FOLDER] [--full] [--source] [--memory]`` with the
+Python that ``bootstrap.py`` set up. Captures are made where the folder does not hold them yet: 100x100 pixels, 320 and
+80 lights at 2 and 3 m, direct light. ``--full`` adds full light transport (its capture takes several minutes),
+``--source`` the original objective for comparison, and ``--memory`` a solve at 512x512. All solves use the default
+settings; kernels are compiled before the first.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline import cli
-from pipeline.blender import capture, cycles, rig
+from pipeline.blender import capture, cycles, geometry, rig
 from pipeline.blender import scene as scenes
 from pipeline.core import rig as layouts
 from pipeline.core.capture import Capture
@@ -256,6 +256,16 @@ def test_light_inside_the_object_is_named(tmp_path: Path) -> None:
     settings = dataclasses.replace(SMALL, rig=str(path))
     with pytest.raises(LightsphereError, match=r"light 2 at \(0\.2, -0\.3, 0\.4\) m is inside the object"):
         finish(capture.capture(small_scenes.lambert(0.5), "test", tmp_path / "c", settings))
+
+
+@pytest.mark.parametrize("place", ["corner", "face"])
+def test_light_on_the_surface_is_named(place: str) -> None:
+    triangles = geometry.object_triangles(small_scenes.lambert(0.5))
+    on = triangles[77, 0] if place == "corner" else triangles[77].mean(axis=0)
+    off = on * 1.01
+    geometry.check_outside(np.stack([off, 3 * on]), triangles)
+    with pytest.raises(LightsphereError, match=r"light 1 at .* on its surface, as 1 of 2 lights"):
+        geometry.check_outside(np.stack([off, on]), triangles)
 
 
 def test_every_setting_of_cycles_exists() -> None:

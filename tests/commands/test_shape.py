@@ -57,7 +57,7 @@ def refused(capsys: pytest.CaptureFixture[str], folder: Path, *said: str) -> Non
 def test_a_sound_capture_is_solved_in_silence(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["shape", str(folder), "-o", str(folder / "shape")]) == 0
     out, err = capsys.readouterr()
-    assert err == "" and out.count("\n") == 1
+    assert err == "" and out.count("\n") == 1 and "_values" not in out
     assert np.isfinite(Shape.open(folder / "shape").depth).sum() > 50
     assert (folder / "shape" / "mesh.ply").is_file()
 
@@ -159,6 +159,25 @@ def test_a_dark_pixel_is_marked_and_the_rest_is_solved(folder: Path, capsys: pyt
     found = Shape.open(folder / "shape")
     assert np.isnan(found.depth[6, 6]) and found.confidence[6, 6] == 0
     assert np.isfinite(found.depth[6, 5])
+
+
+def test_values_that_were_left_out_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder / "light_0003.exr"
+    picture = images.read_rgb(path)
+    mask = images.read_channels(folder / "mask.exr")["mask.V"] > 0.5
+    limit = float(np.sort(picture[mask].max(axis=1))[-3])
+    picture[tuple(np.argwhere(mask & (picture.max(axis=2) < limit))[0])] = np.nan
+    images.write_rgb(path, picture)
+    described = json.loads((folder / "capture.json").read_text())
+    described["notes"]["saturation"] = limit
+    (folder / "capture.json").write_text(json.dumps(described))
+    change_lights(folder, lambda i, light: light.pop("sha256"))
+    saturated = sum(int((images.read_rgb(p)[mask] >= limit).any(axis=1).sum()) for p in folder.glob("light_*.exr"))
+    assert saturated >= 3
+    assert cli.main(["shape", str(folder), "-o", str(folder / "shape"), "--json", str(folder / "shape.json")]) == 0
+    assert f", saturated_values {saturated}, broken_values 1" in capsys.readouterr().out
+    for told in (Shape.open(folder / "shape").notes, json.loads((folder / "shape.json").read_text())):
+        assert told["saturated_values"] == saturated and told["broken_values"] == 1
 
 
 def test_a_dark_capture(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     Returns
     -------
     Shape
-        Depth and normal NaN and confidence 0 where fewer than ``settings.min_lit`` lights are lit.
+        Depth and normal NaN and confidence 0 where fewer than ``settings.min_lit`` lights are lit. Its notes hold
+        ``saturated_values`` and ``broken_values``, how many values of the object's pixels were left out for that.
 
     Raises
     ------
@@ -47,6 +50,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     if not mask.any():
         raise LightsphereError(f"{capture.folder}: no pixel shows the object; aim the camera at it and capture again")
     observations = yield from observe(capture, mask, settings.memory)
+    left_out = {"saturated_values": int(observations.clipped.sum()), "broken_values": int(observations.bad.sum())}
     origins, directions = capture.camera.rays()
     rays = np.ascontiguousarray(np.concatenate([origins[mask], directions[mask]], axis=1))
     near, far = depth_limits(rays, capture.lights.position[capture.lights.on("inner")])
@@ -57,11 +61,11 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     if settings.objective == "source":
         inner, outer = capture.lights.on("inner"), capture.lights.on("outer")
         found = yield from source.solve(views, inner, outer, settings.candidates, settings.min_lit)
-        return as_source_shape(capture, mask, found)
+        return dataclasses.replace(as_source_shape(capture, mask, found), notes=left_out)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
     depth, deviation = settle(views, solution, settings.fuse)
-    return as_shape(capture, mask, solution, depth, deviation)
+    return dataclasses.replace(as_shape(capture, mask, solution, depth, deviation), notes=left_out)
 
 
 def check_lights(capture: Capture) -> None:
