@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import Camera
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Work
 from . import Shape, source
 from .beyond_model import compare
 from .coarse_to_fine import Solution, Views, solve
-from .fusion import disagreement, fuse
+from .integration import integrate
 from .joint import GLOSSY, NONE
 from .lobe import DEPTH, DIFFUSE, LOG_ALPHA, NX
 from .observations import noise_of, observe
 from .settings import ShapeSettings
+from .tangents import disagreement
 
 OWN_ERROR = 3.0  # expected error over the deviation that the fit states for itself
 MOST_DOUBT = 10.0  # disagreement with neighbours never raises it by more than this: their normals err, too
@@ -64,7 +67,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
         return dataclasses.replace(as_source_shape(capture, mask, found), notes=left_out)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
-    depth, deviation = settle(views, solution, settings.fuse)
+    depth, deviation = settle(views, solution, capture.camera, settings.fuse)
     return dataclasses.replace(as_shape(capture, mask, solution, depth, deviation), notes=left_out)
 
 
@@ -119,7 +122,9 @@ def depth_limits(
     return near, np.maximum(along + half, near + 0.5 * radius)
 
 
-def settle(views: Views, solution: Solution, fused: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def settle(
+    views: Views, solution: Solution, camera: Camera, fused: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return final depths and their expected errors, (P,) each [m]; NaN and infinite where not recovered.
 
     The expected error is made of the fit's own (its curvature, taken threefold since misfit is not independent from
@@ -130,15 +135,21 @@ def settle(views: Views, solution: Solution, fused: bool) -> tuple[NDArray[np.fl
     depth = np.where(solved, solution.state[:, DEPTH], np.nan)
     normal = np.where(solved[:, None], solution.state[:, NX : NX + 3], np.nan)
     own = OWN_ERROR * solution.deviation
-    settled = fuse(views.mask, views.rays, depth, expected_error(views, own, depth, normal), normal) if fused else depth
-    return settled, np.hypot(expected_error(views, own, settled, normal), settled - depth)
+    pinhole = camera.model == "pinhole"
+    expected = expected_error(views, own, depth, normal, pinhole)
+    if not (fused and solved.any()):
+        return depth, expected
+    picture = _Pictures(views.mask, np.float64)
+    seen = picture(camera.normals_to_camera(normal))
+    settled = integrate(seen, views.mask, camera, depth=picture(depth), deviation=picture(expected))[views.mask]
+    return settled, np.hypot(expected_error(views, own, settled, normal, pinhole), settled - depth)
 
 
 def expected_error(
-    views: Views, own: NDArray[np.float64], depth: NDArray[np.float64], normal: NDArray[np.float64]
+    views: Views, own: NDArray[np.float64], depth: NDArray[np.float64], normal: NDArray[np.float64], pinhole: bool
 ) -> NDArray[np.float64]:
     """Return the expected error (P,) [m] of depths that have one of their own and neighbours to disagree with."""
-    apart = disagreement(views.mask, views.rays, depth, normal)
+    apart = disagreement(views.mask, views.rays, depth, normal, pinhole)
     return np.hypot(own, np.minimum(apart, MOST_DOUBT * own))
 
 
@@ -195,10 +206,11 @@ def as_source_shape(capture: Capture, mask: NDArray[np.bool_], depth: NDArray[np
 class _Pictures:
     """Spread values of masked pixels over the picture."""
 
-    def __init__(self, mask: NDArray[np.bool_]) -> None:
+    def __init__(self, mask: NDArray[np.bool_], kind: type[Any] = np.float32) -> None:
         self.mask = mask
+        self.kind = kind
 
-    def __call__(self, values: NDArray[np.float64], outside: float = np.nan) -> NDArray[np.float32]:
-        picture = np.full(self.mask.shape + values.shape[1:], outside, np.float32)
+    def __call__(self, values: NDArray[np.float64], outside: float = np.nan) -> NDArray[Any]:
+        picture = np.full(self.mask.shape + values.shape[1:], outside, self.kind)
         picture[self.mask] = values
         return picture
