@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core import images
 from ..core.capture import FILE as CAPTURE_FILE
 from ..core.capture import Capture
-from ..core.compare import depth_error_pct, picture_error, relative_rmse, shape_errors
+from ..core.compare import depth_error_pct, normal_error_deg, picture_error, relative_rmse, shape_errors
 from ..core.errors import LightsphereError
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
@@ -60,7 +60,11 @@ def shape_with_truth(first: Path, second: Path) -> tuple[dict[str, Any], NDArray
     truth, mask = capture.truth(), capture.mask()
     if truth is None:
         raise LightsphereError(
-            f"{second} has no truth.exr; only captures of rendered scenes can be compared with truth"
+            f"{second} has no truth.exr; only captures of rendered or scanned things can be compared with truth"
         )
-    error = np.where(mask, depth_error_pct(shape, truth), np.nan)
-    return shape_errors(shape, truth, mask), error, "depth error, % of the object's size"
+    values = shape_errors(shape, truth, mask)
+    if "depth_median_pct" in values:
+        error, label = depth_error_pct(shape, truth), "depth error, % of the object's size"
+    else:
+        error, label = normal_error_deg(shape, truth), "angle between the normals, degrees"
+    return values, np.where(mask, error, np.nan), label

@@ -1,8 +1,8 @@
 """A capture on disk: pictures under one light at a time, camera, lights, mask, and truth where it is known.
 
-The folder holds ``capture.json``, one EXR per light, ``mask.exr`` (channel ``mask.V``) and, for rendered
-captures, ``truth.exr`` with the channels ``depth.V``, ``normal.X/Y/Z`` (camera space),
-``position.X/Y/Z`` (world) and ``material.V``.
+The folder holds ``capture.json``, one EXR per light, ``mask.exr`` (channel ``mask.V``) and, where truth is
+known, ``truth.exr`` with the channels ``depth.V``, ``normal.X/Y/Z`` (camera space), ``position.X/Y/Z`` (world) and
+``material.V``: all of them for rendered captures, the measured ones for photographed captures.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Truth:
-    """What a renderer knows and a solver never sees; NaN where nothing is hit.
+    """What a renderer or a scan knows and a solver never sees; NaN where nothing is hit or nothing is known.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Truth:
     position : (H, W, 3) float32
         Surface point, world space [m].
     material : (H, W) int32
-        Material index, 0 where nothing is hit.
+        Material index, 0 where nothing is hit or it is not known.
     diameter : float
         Largest extent of the object [m]; depth errors are stated in per cent of it.
     """
@@ -109,22 +109,25 @@ class Capture:
         channels = images.read_channels(path)
         width, height = self.camera.resolution
 
-        def vector(name: str) -> NDArray[np.float32]:
-            return np.stack([channels[f"{name}.{axis}"] for axis in "XYZ"], axis=-1)
+        def layer(name: str, axes: str, unknown: float) -> NDArray[np.float32]:
+            """Return a layer; one of which no channel is there is not known."""
+            names = [f"{name}.{axis}" for axis in axes]
+            if not channels.keys() & set(names):
+                return np.full((height, width, len(axes)), unknown, np.float32)
+            return np.stack([channels[one] for one in names], axis=-1)
 
+        if any(plane.shape != (height, width) for plane in channels.values()):
+            raise LightsphereError(f"{path} does not fit the camera's {width}x{height} pixels; delete or replace it")
         try:
-            truth = Truth(
-                depth=channels["depth.V"],
-                normal=vector("normal"),
-                position=vector("position"),
-                material=channels["material.V"].astype(np.int32),
+            return Truth(
+                depth=layer("depth", "V", np.nan)[..., 0],
+                normal=layer("normal", "XYZ", np.nan),
+                position=layer("position", "XYZ", np.nan),
+                material=layer("material", "V", 0)[..., 0].astype(np.int32),
                 diameter=float(self.notes["diameter"]),
             )
         except KeyError as error:
             raise LightsphereError(f"{path} or {FILE} lacks {error}; delete {path.name} or capture again") from error
-        if truth.depth.shape != (height, width):
-            raise LightsphereError(f"{path} does not fit the camera's {width}x{height} pixels; delete or replace it")
-        return truth
 
     def changed(self) -> list[str]:
         """Return the pictures whose bytes are not those recorded when they were written, or that are missing.
@@ -173,7 +176,9 @@ class Capture:
         """
         path = folder / FILE
         if not path.is_file():
-            raise LightsphereError(f"{folder} is not a capture (it has no {FILE}); make one with lightsphere capture")
+            raise LightsphereError(
+                f"{folder} is not a capture (it has no {FILE}); make one with lightsphere capture or import"
+            )
         try:
             value = json.loads(path.read_text(encoding="utf-8"))
             entries = value["lights"]

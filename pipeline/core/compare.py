@@ -73,27 +73,32 @@ def shape_errors(shape: Shape, truth: Truth, mask: NDArray[np.bool_]) -> dict[st
     Returns
     -------
     dict of str to float
-        ``recovered_pct`` is the share of the object's pixels with a finite depth; every other figure is over those
-        pixels alone: ``depth_median_pct``, ``depth_p95_pct`` [% of the diameter], ``normal_mae_deg``,
-        ``normal_median_deg`` [degrees], and ``confidence_high_p95_pct`` and ``confidence_low_p95_pct``, the depth's
-        95th percentile over the third of the pixels with the highest and with the lowest confidence. A figure
-        that no pixel can give is NaN.
+        ``recovered_pct`` is the share of the object's pixels that are recovered: with a finite depth, or a finite
+        normal where the truth holds normals alone. Every other figure is over those pixels alone:
+        ``depth_median_pct``, ``depth_p95_pct`` [% of the diameter], ``normal_mae_deg``, ``normal_median_deg``
+        [degrees], and ``confidence_high_p95_pct`` and ``confidence_low_p95_pct``, the depth's 95th percentile over
+        the third of the pixels with the highest and with the lowest confidence. A figure that no pixel can give is
+        NaN; figures of depth are left out where the true depth is not known.
     """
-    counted = mask & np.isfinite(truth.depth)
-    recovered = counted & np.isfinite(shape.depth)
+    by_depth = bool(np.isfinite(truth.depth).any())
+    counted = mask & np.isfinite(truth.depth if by_depth else truth.normal[..., 2])
+    recovered = counted & np.isfinite(shape.depth if by_depth else shape.normal[..., 2])
     depth = depth_error_pct(shape, truth)[recovered]
     normal = normal_error_deg(shape, truth)[recovered]
     normal = normal[np.isfinite(normal)]
-    ascending = depth[np.argsort(shape.confidence[recovered], kind="stable")]
-    third = -(-len(ascending) // 3)
-    return {
-        "recovered_pct": 100.0 * float(recovered.sum()) / max(int(counted.sum()), 1),
-        "depth_median_pct": _percentile(depth, 50),
-        "depth_p95_pct": _percentile(depth, 95),
+    errors = {"recovered_pct": 100.0 * float(recovered.sum()) / max(int(counted.sum()), 1)}
+    if by_depth:
+        ascending = depth[np.argsort(shape.confidence[recovered], kind="stable")]
+        third = -(-len(ascending) // 3)
+        errors |= {
+            "depth_median_pct": _percentile(depth, 50),
+            "depth_p95_pct": _percentile(depth, 95),
+            "confidence_high_p95_pct": _percentile(ascending[len(ascending) - third :], 95),
+            "confidence_low_p95_pct": _percentile(ascending[:third], 95),
+        }
+    return errors | {
         "normal_mae_deg": float(normal.mean()) if len(normal) else np.nan,
         "normal_median_deg": _percentile(normal, 50),
-        "confidence_high_p95_pct": _percentile(ascending[len(ascending) - third :], 95),
-        "confidence_low_p95_pct": _percentile(ascending[:third], 95),
     }
 
 

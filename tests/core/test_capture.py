@@ -72,6 +72,16 @@ def test_a_photographed_capture_has_no_truth(capture: Capture) -> None:
     assert capture.truth() is None
 
 
+def test_truth_may_hold_normals_alone(capture: Capture) -> None:
+    path = capture.folder / "truth.exr"
+    layers = images.read_channels(path)
+    images.write_channels(path, {name: layer for name, layer in layers.items() if name.startswith("normal")})
+    truth = capture.truth()
+    assert truth is not None
+    np.testing.assert_array_equal(truth.normal[0, 0], [2, 3, 4])
+    assert np.isnan(truth.depth).all() and np.isnan(truth.position).all() and not truth.material.any()
+
+
 def test_a_selection_keeps_light_and_picture_together(capture: Capture) -> None:
     part = capture.select(np.array([2, 0]))
     assert len(part) == 2

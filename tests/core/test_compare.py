@@ -50,6 +50,14 @@ def test_a_planted_angle_is_found(found: Shape, degrees: float) -> None:
     assert np.nanmax(np.abs(error - degrees)) < 1e-5
 
 
+def test_truth_of_normals_alone_gives_figures_of_normals_alone(found: Shape) -> None:
+    unknown = np.full(found.depth.shape, np.nan, np.float32)
+    errors = shape_errors(found, dataclasses.replace(truth_of(found), depth=unknown), np.isfinite(found.depth))
+    assert set(errors) == {"recovered_pct", "normal_mae_deg", "normal_median_deg"}
+    assert (errors["recovered_pct"], errors["normal_mae_deg"]) == (100, 0)
+    assert not np.isfinite(shape_errors(found, truth_of(found), found.depth < 0)["depth_median_pct"])
+
+
 def test_unrecovered_pixels_are_counted_and_left_out(found: Shape) -> None:
     depth = found.depth.copy()
     mask = np.isfinite(depth)
