@@ -115,6 +115,15 @@ def test_lists_of_directions_are_distant_lights(tmp_path: Path) -> None:
     assert np.allclose(made.position, [[0, 0, 1], [0.6, 0, 0.8]])
 
 
+def test_names_of_pictures_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "a.lp"
+    path.write_text("2\nIMG 1 (copy 2).jpg 0 0 1\n0002 0.6 0 0.8\n")
+    assert [entry["file"] for entry in light_file.entries(path)] == ["IMG 1 (copy 2).jpg", "0002"]
+    path = tmp_path / "a.csv"
+    path.write_text("picture,x,y,z\na b.png,0,0,1\n")
+    assert light_file.entries(path) == [{"position": [0, 0, 1], "intensity": None, "surface": "", "file": "a b.png"}]
+
+
 def test_lights_survive_json(tmp_path: Path) -> None:
     before = lights(inner=6, outer=5)
     made = read(tmp_path, json.dumps({"lights": before.as_json()}), "rig.json")
