@@ -26,7 +26,7 @@ NO_DATE = "2000:01:01 00:00:00"
 
 def read(path: Path) -> dict[str, NDArray[np.float32]]:
     """Read every channel of every part as (H, W) arrays, rows top-down."""
-    oiio = _openimageio()
+    oiio = openimageio()
     file = oiio.ImageInput.open(str(path))
     if file is None:
         raise LightsphereError(f"{path} cannot be read ({oiio.geterror()}); render it again")
@@ -50,7 +50,7 @@ def write(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
     LightsphereError
         When the disk is full or the folder is closed.
     """
-    oiio = _openimageio()
+    oiio = openimageio()
     pixels = np.ascontiguousarray(np.stack(list(channels.values()), axis=-1), np.float32)
     height, width, count = pixels.shape
     spec = oiio.ImageSpec(width, height, count, "float")
@@ -119,7 +119,8 @@ def _attributes(header: bytes) -> tuple[dict[bytes, tuple[int, int]], int]:
     return found, offset + 1
 
 
-def _openimageio() -> Any:
+def openimageio() -> Any:
+    """Return Blender's OpenImageIO module; raise LightsphereError where this Blender has none."""
     bpy.utils.expose_bundled_modules()
     try:
         import OpenImageIO

@@ -7,6 +7,7 @@ import typer
 from .capture import capture, capture_worker
 from .compare import compare
 from .demo import demo
+from .import_ import import_photographs
 from .material import material
 from .plan import plan
 from .reflectance import reflectance
@@ -22,6 +23,7 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(plan)
     app.command()(capture)
     app.command("capture-worker", hidden=True)(capture_worker)
+    app.command("import")(import_photographs)
     app.command()(shape)
     app.command()(reflectance)
     app.command()(material)

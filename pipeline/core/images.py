@@ -117,8 +117,8 @@ _QUIET = threading.Lock()
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Hold back what the library itself prints about a damaged file, on both streams; the error raised says it."""
+def quiet() -> Iterator[None]:
+    """Hold back what a library itself prints about a damaged file, on both streams; the error raised says it."""
     with _QUIET, Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
         stderr = os.dup(2)
         try:
@@ -133,9 +133,9 @@ def _read_openexr(path: Path) -> dict[str, NDArray[Any]]:
     import OpenEXR
 
     try:
-        with _quiet(), OpenEXR.File(str(path), header_only=True) as header:
+        with quiet(), OpenEXR.File(str(path), header_only=True) as header:
             promised = len(header.parts)
-        with _quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
+        with quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
             if len(file.parts) < promised:  # of a file cut off the library leaves parts out, with a warning only
                 raise RuntimeError("the file ends too early")
             channels = {}

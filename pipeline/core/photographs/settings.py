@@ -1,0 +1,27 @@
+"""What the stage import can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..settings import setting
+
+FORMATS = ("auto", "diligent", "lp", "folder", "near", "stack", "uncalibrated")
+
+
+@dataclass(frozen=True)
+class ImportSettings:
+    """How photographs become a capture."""
+
+    format: str = setting("auto", "what lies there, auto tells by the files", choices=FORMATS)
+    lights: str = setting("", "file of lights (.lp, .txt, .csv, .json), where none lies beside the photographs")
+    mask: str = setting("", "picture that is bright where the object is, where none lies beside the photographs")
+    pictures: str = setting("", "pattern of the photographs' names, as in 'IMG_*.jpg', where other pictures lie there")
+    response: str = setting(
+        "auto",
+        "linear, srgb, a gamma such as 2.2, or a file of two columns (value as stored, light); "
+        "auto takes srgb for 8 bits and linear for more",
+    )
+    bracket: int = setting(1, "photographs of each light, one after the other at several exposures", low=1, high=100)
+    chrome: str = setting("", "folder of photographs of a mirror sphere under the same lights")
+    gray: str = setting("", "folder of photographs of a diffuse sphere under the same lights")
