@@ -116,6 +116,15 @@ class LIGHTSPHERE_OT_capture(StageOperator, bpy.types.Operator):
         return stages.Run(stages.STAGES[self.stage], context.scene, stopped)
 
 
+class LIGHTSPHERE_OT_import_photographs(StageOperator, bpy.types.Operator):
+    """Make a capture from photographs of an object under one light at a time. Esc stops"""
+
+    bl_idname = "lightsphere.import_photographs"
+    bl_label = "Import Photographs"
+    bl_options = {"UNDO"}
+    stage = "import_photographs"
+
+
 class LIGHTSPHERE_OT_shape(StageOperator, bpy.types.Operator):
     """Recover depth, normals and a mesh from the capture. Esc stops"""
 
@@ -151,4 +160,10 @@ def show(context: bpy.types.Context, run: stages.Run | None) -> None:
                 area.tag_redraw()
 
 
-CLASSES = (LIGHTSPHERE_OT_add_rig, LIGHTSPHERE_OT_capture, LIGHTSPHERE_OT_shape, LIGHTSPHERE_OT_material)
+CLASSES = (
+    LIGHTSPHERE_OT_add_rig,
+    LIGHTSPHERE_OT_capture,
+    LIGHTSPHERE_OT_import_photographs,
+    LIGHTSPHERE_OT_shape,
+    LIGHTSPHERE_OT_material,
+)

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import properties, stages
@@ -70,6 +71,19 @@ class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
         explain(self.layout, stages.lacks(self.stage, context.scene))
 
 
+class LIGHTSPHERE_PT_import_photographs(StagePanel, bpy.types.Panel):
+    """Photographs in place of rendered pictures."""
+
+    bl_idname = "LIGHTSPHERE_PT_import_photographs"
+    bl_label = "Photographs"
+    bl_options = {"DEFAULT_CLOSED"}
+    stage = "import_photographs"
+    settings_type = ImportSettings
+
+    def draw_input(self, context: bpy.types.Context) -> None:
+        self.layout.prop(properties.of(context.scene), "photographs")
+
+
 class LIGHTSPHERE_PT_shape(StagePanel, bpy.types.Panel):
     """Depth and mesh."""
 
@@ -102,4 +116,9 @@ def explain(layout: bpy.types.UILayout, reason: str) -> None:
         row.label(text=reason, icon="INFO")
 
 
-CLASSES = (LIGHTSPHERE_PT_capture, LIGHTSPHERE_PT_shape, LIGHTSPHERE_PT_material)
+CLASSES = (
+    LIGHTSPHERE_PT_capture,
+    LIGHTSPHERE_PT_import_photographs,
+    LIGHTSPHERE_PT_shape,
+    LIGHTSPHERE_PT_material,
+)

@@ -5,13 +5,13 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import settings
 
-RELATIVE = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}}
-
 LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture")
+LIGHTSPHERE_PG_import_photographs = settings.group(ImportSettings, "LIGHTSPHERE_PG_import_photographs")
 LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
 LIGHTSPHERE_PG_material = settings.group(ReflectanceSettings, "LIGHTSPHERE_PG_material")
 
@@ -20,17 +20,36 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
     """Lightsphere's part of a scene."""
 
     capture: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_capture)
+    import_photographs: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_import_photographs)
     shape: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_shape)
     material: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_material)
+    photographs: bpy.props.StringProperty(
+        name="Photographs",
+        description="Folder of photographs, one per light, or a list of lights (.lp), or a stack (.npz)",
+        subtype="FILE_PATH",
+        **settings.RELATIVE,
+    )
     capture_folder: bpy.props.StringProperty(
-        name="Capture", description="Folder of the capture that the next stage opens", subtype="DIR_PATH", **RELATIVE
+        name="Capture",
+        description="Folder of the capture that the next stage opens",
+        subtype="DIR_PATH",
+        **settings.RELATIVE,
     )
     shape_folder: bpy.props.StringProperty(
-        name="Shape", description="Folder of the shape that the next stage opens", subtype="DIR_PATH", **RELATIVE
+        name="Shape",
+        description="Folder of the shape that the next stage opens",
+        subtype="DIR_PATH",
+        **settings.RELATIVE,
     )
 
 
-CLASSES = (LIGHTSPHERE_PG_capture, LIGHTSPHERE_PG_shape, LIGHTSPHERE_PG_material, LIGHTSPHERE_PG_scene)
+CLASSES = (
+    LIGHTSPHERE_PG_capture,
+    LIGHTSPHERE_PG_import_photographs,
+    LIGHTSPHERE_PG_shape,
+    LIGHTSPHERE_PG_material,
+    LIGHTSPHERE_PG_scene,
+)
 
 
 def attach() -> None:

@@ -10,6 +10,7 @@ import bpy
 from ..pipeline.core.settings import Limits, check, limits_of
 
 LENGTH = "m"
+RELATIVE = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}}  # of a path: it may move with the file
 
 
 def group(settings_type: type[Any], name: str) -> type[bpy.types.PropertyGroup]:
@@ -24,6 +25,13 @@ def values(shown: bpy.types.PropertyGroup, settings_type: type[Any]) -> Any:
     chosen = {item.name: getattr(shown, item.name) for item in dataclasses.fields(settings_type)}
     # Blender keeps 32 bits of a float: seven digits are what the artist typed.
     return check(settings_type(**{k: float(f"{v:.7g}") if isinstance(v, float) else v for k, v in chosen.items()}))
+
+
+def absolute(settings: Any) -> Any:
+    """Return settings with the paths that an artist chose made absolute."""
+    paths = {item.name for item in dataclasses.fields(settings) if limits_of(item).path}
+    chosen = {name: getattr(settings, name) for name in paths}
+    return dataclasses.replace(settings, **{name: bpy.path.abspath(path) for name, path in chosen.items() if path})
 
 
 def options(settings: Any) -> list[str]:
@@ -55,6 +63,9 @@ def _property(item: dataclasses.Field[Any]) -> Any:
     if isinstance(item.default, float):
         subtype = "DISTANCE" if limits.unit == LENGTH else "NONE"
         return bpy.props.FloatProperty(**shared, **_range(limits, float), subtype=subtype)
+    if limits.path:
+        subtype = {"file": "FILE_PATH", "folder": "DIR_PATH"}[limits.path]
+        return bpy.props.StringProperty(**shared, subtype=subtype, **RELATIVE)
     return bpy.props.StringProperty(**shared)
 
 

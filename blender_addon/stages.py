@@ -10,6 +10,7 @@ import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import preferences, properties, results, settings, worker
@@ -63,6 +64,29 @@ class Capture(Stage):
         return f"{pictures} pictures in {folder}"
 
 
+class Import(Stage):
+    """Make a capture from photographs."""
+
+    name = "import_photographs"
+    doing = "Importing"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        path = properties.of(scene).photographs
+        if not path:
+            return "No photographs are chosen yet"
+        return "" if absolute(path).exists() else "No photographs are there"
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        chosen = settings.values(properties.of(scene).import_photographs, ImportSettings)
+        path = absolute(properties.of(scene).photographs)
+        return ["import", str(path), "-o", str(folder), *settings.options(settings.absolute(chosen))]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        properties.of(scene).capture_folder = shown(folder)
+        pictures = results.pictures(folder)
+        return f"{pictures} pictures in {folder}"
+
+
 class Shape(Stage):
     """Recover depth and mesh from a capture."""
 
@@ -106,7 +130,7 @@ class Material(Stage):
         return f"The asset {results.asset(scene, folder / results.ASSET).name!r} is in the scene"
 
 
-STAGES: dict[str, Stage] = {stage.name: stage for stage in (Capture(), Shape(), Material())}
+STAGES: dict[str, Stage] = {stage.name: stage for stage in (Capture(), Import(), Shape(), Material())}
 
 
 class Run:

@@ -21,6 +21,7 @@ class Limits:
     high: float | None = None
     choices: tuple[str, ...] = ()
     short: str = ""
+    path: str = ""
 
 
 def setting(
@@ -32,9 +33,13 @@ def setting(
     high: float | None = None,
     choices: tuple[str, ...] = (),
     short: str = "",
+    path: str = "",
 ) -> Any:
-    """Declare one field of a settings dataclass: default, help, unit, limits (both ends allowed) or choices."""
-    limits = Limits(help, unit, low, high, choices, short)
+    """Declare one field of a settings dataclass: default, help, unit, limits (both ends allowed) or choices.
+
+    ``path`` says that the text names a ``"file"`` or a ``"folder"``.
+    """
+    limits = Limits(help, unit, low, high, choices, short, path)
     return dataclasses.field(default=default, metadata={"limits": limits})
 
 

@@ -11,21 +11,31 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 import typer.main
 
 from pipeline import cli
+from pipeline.core.capture import Capture
 from pipeline.core.capture_settings import CaptureSettings
 from pipeline.core.errors import LightsphereError
+from pipeline.core.photographs.settings import ImportSettings
 from pipeline.core.reflectance import ReflectanceSettings
 from pipeline.core.settings import limits_of
 from pipeline.core.shape.settings import ShapeSettings
+from tests import photographed
 
 # isort: split
 import addon_utils  # Blender's own, there once bpy is imported
 
 MODULE = "bl_ext.user_default.lightsphere"
-SETTINGS = {"capture": CaptureSettings, "shape": ShapeSettings, "material": ReflectanceSettings}
+SETTINGS = {
+    "capture": CaptureSettings,
+    "import_photographs": ImportSettings,
+    "shape": ShapeSettings,
+    "material": ReflectanceSettings,
+}
+COMMAND = {name: name for name in SETTINGS} | {"import_photographs": "import"}  # which Python keeps for itself
 
 
 def part(name: str) -> Any:
@@ -87,7 +97,7 @@ def test_it_takes_everything_back() -> None:
 @pytest.mark.parametrize("stage", SETTINGS)
 def test_panel_command_line_and_dataclass_agree(addon: None, stage: str) -> None:
     shown = getattr(bpy.context.scene.lightsphere, stage).bl_rna.properties
-    options = {option.name: option for option in typer.main.get_command(cli.app).commands[stage].params}
+    options = {option.name: option for option in typer.main.get_command(cli.app).commands[COMMAND[stage]].params}
     fields = dataclasses.fields(SETTINGS[stage])
     assert {item.name for item in fields} == set(shown.keys()) - {"rna_type", "name"}
     for item in fields:
@@ -115,9 +125,9 @@ def test_what_the_panel_shows_is_what_the_command_gets(addon: None, stage: str) 
             setattr(shown, item.name, item.default + 1)
     settings = part("settings").values(shown, SETTINGS[stage])
     words = part("settings").options(settings)
-    arguments = [stage, "IN", "-o", "OUT", *words]
+    arguments = [COMMAND[stage], "IN", "-o", "OUT", *words]
     context = typer.main.get_command(cli.app).make_context("lightsphere", arguments[:1], resilient_parsing=True)
-    command = context.command.commands[stage]
+    command = context.command.commands[COMMAND[stage]]
     parsed = command.make_context(stage, arguments[1:], parent=context).params
     for item in dataclasses.fields(SETTINGS[stage]):
         assert parsed[item.name] == getattr(settings, item.name), item.name
@@ -188,6 +198,28 @@ def test_from_rig_to_asset(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert Path(scene.lightsphere.capture_folder).name == "capture_002"
     assert (folder / "capture.json").is_file()
     assert (tmp_path / "work.blend").read_bytes() == before
+
+
+def test_photographs_become_a_capture(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    assert "No photographs are chosen" in part("stages").lacks("import_photographs", scene)
+    scene.lightsphere.photographs = "//nowhere"
+    assert "No photographs are there" in part("stages").lacks("import_photographs", scene)
+    folder = tmp_path / "ball"
+    folder.mkdir()
+    lights = photographed.directions(4)
+    for i, picture in enumerate(photographed.lambert(lights)):
+        photographed.png(folder / f"IMG_{i}.png", np.round(65535 * picture).astype(np.uint16))
+    (tmp_path / "dome.txt").write_text(photographed.listed(lights))
+    scene.lightsphere.photographs = "//ball"
+    scene.lightsphere.import_photographs.lights = "//dome.txt"
+    assert bpy.ops.lightsphere.import_photographs() == {"FINISHED"}
+    assert scene.lightsphere.capture_folder == "//work.lightsphere/import_photographs_001"
+    assert bpy.data.images["import_photographs_001"].source == "SEQUENCE"
+    made = Capture.open(Path(bpy.path.abspath(scene.lightsphere.capture_folder)))
+    np.testing.assert_allclose(made.lights.position, lights, atol=1e-6)
+    scene.lightsphere.import_photographs.response = "bright"
+    with pytest.raises(RuntimeError, match="response bright is no file"):
+        bpy.ops.lightsphere.import_photographs()
 
 
 def test_escape_keeps_what_is_finished_and_the_button_continues(scene: bpy.types.Scene) -> None:

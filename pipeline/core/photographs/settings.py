@@ -14,8 +14,12 @@ class ImportSettings:
     """How photographs become a capture."""
 
     format: str = setting("auto", "what lies there, auto tells by the files", choices=FORMATS)
-    lights: str = setting("", "file of lights (.lp, .txt, .csv, .json), where none lies beside the photographs")
-    mask: str = setting("", "picture that is bright where the object is, where none lies beside the photographs")
+    lights: str = setting(
+        "", "file of lights (.lp, .txt, .csv, .json), where none lies beside the photographs", path="file"
+    )
+    mask: str = setting(
+        "", "picture that is bright where the object is, where none lies beside the photographs", path="file"
+    )
     pictures: str = setting("", "pattern of the photographs' names, as in 'IMG_*.jpg', where other pictures lie there")
     response: str = setting(
         "auto",
@@ -23,5 +27,5 @@ class ImportSettings:
         "auto takes srgb for 8 bits and linear for more",
     )
     bracket: int = setting(1, "photographs of each light, one after the other at several exposures", low=1, high=100)
-    chrome: str = setting("", "folder of photographs of a mirror sphere under the same lights")
-    gray: str = setting("", "folder of photographs of a diffuse sphere under the same lights")
+    chrome: str = setting("", "folder of photographs of a mirror sphere under the same lights", path="folder")
+    gray: str = setting("", "folder of photographs of a matt sphere under the same lights", path="folder")
