@@ -67,20 +67,16 @@ def decoded(shots: Sequence[Shot], response: str) -> Decoded:
     curve = response_of(response, bits)
     known = [t for t in times if t is not None]
     linear = curve.decode(pictures[0].pixels) if len(pictures) == 1 else _merged(shots, pictures, known, curve)
-    limit = saturation(curve, bits)
-    shortest = pictures[int(np.argmin(known))] if len(known) == len(pictures) else pictures[0]
-    linear = np.where(curve.decode(shortest.pixels) >= limit, np.maximum(linear, 1), linear)
-    return Decoded(linear, bits, min(known) if known else None, tuple(known), curve, limit)
+    return Decoded(linear, bits, min(known, default=None), tuple(known), curve, saturation(curve, bits))
 
 
 def _merged(
     shots: Sequence[Shot], pictures: Sequence[Picture], times: Sequence[float], curve: Response
 ) -> NDArray[np.float32]:
     if len(times) < len(pictures) or len(set(times)) < len(pictures):
-        names = ", ".join(shot.name for shot in shots)
         raise LightsphereError(
-            f"the exposure times of {names} are not known or not different; write them into exposures.txt, "
-            "one NAME SECONDS a line"
+            f"the exposure times of {shots[0].name} to {shots[-1].name} are not known or not different; write them "
+            "into exposures.txt, one NAME SECONDS a line, or give the folder of one object if these are several lights"
         )
     stored = np.stack([picture.pixels for picture in pictures])
     rounding = np.stack([curve.rounding(picture.pixels, picture.bits) for picture in pictures])

@@ -18,6 +18,7 @@ from .folder import directions
 from .photographs import FLOAT_BITS, Photographs, Picture, Shot, unknown
 from .settings import ImportSettings
 
+NAMED = 6  # arrays that a message names
 # What arrays may be called.
 IMAGES = ("images", "imgs", "observations")
 LIGHTS = ("lights", "light_directions", "directions")
@@ -40,7 +41,8 @@ def read(path: Path, settings: ImportSettings) -> Photographs:
     arrays = _arrays(path)
     images = _one_of(arrays, IMAGES)
     if images is None:
-        raise LightsphereError(f"{path} holds {', '.join(arrays)}; it needs the images under the name images")
+        names = ", ".join(list(arrays)[:NAMED]) + (", ..." if len(arrays) > NAMED else "")
+        raise LightsphereError(f"{path} holds {names}; it needs the images under the name images")
     lights, assumed = _lights(path, arrays, settings)
     if images.ndim not in (3, 4) or images.dtype.kind not in "uif":
         raise LightsphereError(

@@ -36,12 +36,16 @@ class Survey:
 
     def add(self, linear: NDArray[np.float32], limit: float) -> None:
         """Take in a picture (H, W, 3) that is saturated from a limit on."""
-        value = linear.max(axis=2)
+        value = np.maximum(np.maximum(linear[..., 0], linear[..., 1]), linear[..., 2])
         if not self.count:
             self._brightest = np.full((NEEDED, *value.shape), -np.inf, np.float32)
             self._saturated = np.zeros(value.shape, np.int32)
         self.count += 1
-        self._brightest = np.sort(np.concatenate([self._brightest, value[None]]), axis=0)[1:]
+        passed_on = value
+        for i in reversed(range(NEEDED)):  # the largest first; each place passes the smaller value on to the next
+            kept = np.maximum(self._brightest[i], passed_on)
+            passed_on = np.minimum(self._brightest[i], passed_on)
+            self._brightest[i] = kept
         self._saturated += value >= limit
         highest = float(value.max())
         if highest > self._largest:

@@ -119,5 +119,5 @@ def test_what_the_shortest_exposure_clips_stays_saturated() -> None:
 def test_equal_or_unknown_times_are_told() -> None:
     picture = Picture(np.zeros((2, 2, 3), np.float32), 8, None)
     shots = [Shot("a.png", lambda: picture), Shot("b.png", lambda: picture)]
-    with pytest.raises(LightsphereError, match=r"exposure times of a\.png, b\.png are not known .*exposures\.txt"):
+    with pytest.raises(LightsphereError, match=r"exposure times of a\.png to b\.png are not known .*exposures\.txt"):
         decoded(shots, "auto")
