@@ -122,28 +122,35 @@ def _sphere(
     beside = path.is_file()
     shots = list(photographs.shots) if beside else _in_order(path, photographs, settings, reader)
     mask_path = path if beside else files.special(path, "mask")
-    stage = f"read {path.name}"
     if mask_path is not None:
         bright = reader(mask_path).pixels.max(axis=2)
-        outline = _named(path, outlines.outline, bright > 0.5 * max(float(bright.max()), 1e-9))
+        outline, shape = _named(path, outlines.outline, bright > 0.5 * max(float(bright.max()), 1e-9)), bright.shape
     else:
         chosen = np.unique(np.linspace(0, len(shots) - 1, SEARCHED).round().astype(int))
-        seen = []
+        seen: list[NDArray[np.float32]] = []
         for i, light in enumerate(chosen):
             seen.append(decoded(shots[light], settings.response).linear.max(axis=2))
+            _check_size(shots[light], seen[-1].shape, seen[0].shape)
             yield Progress(f"find {path.name}", i + 1, len(chosen), "pictures")
-        outline = _named(path, outlines.sought, combine(np.stack(seen), axis=0))
+        outline, shape = _named(path, outlines.sought, combine(np.stack(seen), axis=0)), seen[0].shape
     pictures, times, clipped = [], [], np.inf
     for i, exposures in enumerate(shots):
         one = decoded(exposures, settings.response)
+        _check_size(exposures, one.linear.shape[:2], shape)
         crop, circle = _cropped(one.linear, outline)
         pictures.append(crop)
         times.append(one.seconds or 1.0)
         clipped = min(clipped, one.saturation)
-        yield Progress(stage, i + 1, len(shots), "pictures")
-    if any(picture.shape != pictures[0].shape for picture in pictures):
-        raise LightsphereError(f"the pictures of the sphere in {path} differ in size; all need the same")
+        yield Progress(f"read {path.name}", i + 1, len(shots), "pictures")
     return Sphere(np.stack(pictures), circle, clipped, np.array(times))
+
+
+def _check_size(exposures: tuple[Shot, ...], shape: tuple[int, ...], first: tuple[int, ...]) -> None:
+    if shape != first:
+        raise LightsphereError(
+            f"{exposures[0].name} of the sphere is {shape[1]}x{shape[0]} pixels, the others or the mask "
+            f"{first[1]}x{first[0]}; all need the same size"
+        )
 
 
 def _named(path: Path, find: Callable[[NDArray[Any]], outlines.Circle], picture: NDArray[Any]) -> outlines.Circle:

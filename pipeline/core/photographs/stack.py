@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -75,7 +77,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
             return {IMAGES[0]: np.load(path, mmap_mode="r")}
         with np.load(path) as file:
             return {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, KeyError) as error:
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         raise LightsphereError(f"{path} cannot be read ({error}); save it again by numpy, without objects") from error
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from ..errors import LightsphereError
 from ..lights import Lights
@@ -13,7 +14,7 @@ from ..lights import Lights
 NEEDED = 3  # lights that determine a normal
 SHADOW = 0.01  # share of the bright pixels' value from which a pixel is lit
 CLIPPED_PIXELS = 16  # this many equal largest values below full scale are where a sensor of fewer bits clips
-COINCIDENT = 0.1  # [degrees]
+COINCIDENT = 2e-3  # [rad], or share of the rig's extent
 FLAT = 0.05  # smallest over largest singular value of the directions below which they lie in a plane
 NOTABLE = 1.0  # share of the object's pixels that deserves a word [%]
 
@@ -27,7 +28,6 @@ class Survey:
         self._saturated = np.zeros((0, 0), np.int32)
         self._largest = -np.inf
         self._at_largest = np.zeros((0, 0), np.int32)
-        self._clips_below = False
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -103,8 +103,15 @@ def light_warnings(lights: Lights) -> list[str]:
         found.append(f"{len(lights)} lights do not determine a normal; photograph at least {NEEDED}")
     if lights.kind == "unknown":
         return found
-    unit = lights.position / np.maximum(np.linalg.norm(lights.position, axis=1, keepdims=True), 1e-300)
+    if len(lights) > 1:
+        extent = 1.0 if lights.kind == "distant" else float(np.ptp(lights.position, axis=0).max())
+        distance, nearest = cKDTree(lights.position).query(lights.position, k=2)
+        first = int(np.argmin(distance[:, 1]))
+        if distance[first, 1] <= COINCIDENT * extent:
+            other = next(int(light) for light in nearest[first] if light != first)
+            found.append(f"lights {min(first, other) + 1} and {max(first, other) + 1} coincide")
     if lights.kind == "distant":
+        unit = lights.position
         behind = np.flatnonzero(unit[:, 2] < 0)
         if len(behind) == len(lights):
             raise LightsphereError(
@@ -116,9 +123,4 @@ def light_warnings(lights: Lights) -> list[str]:
             spread = np.linalg.svd(unit, compute_uv=False)
             if spread[-1] < FLAT * spread[0]:
                 found.append("the lights lie in one plane with the object; normals are not determined across it")
-    cosine = unit @ unit.T - 2 * np.eye(len(unit))
-    first, second = np.unravel_index(int(np.argmax(cosine)), cosine.shape)
-    if cosine[first, second] > np.cos(np.radians(COINCIDENT)):
-        low, high = sorted((int(first) + 1, int(second) + 1))
-        found.append(f"lights {low} and {high} come from the same direction")
     return found

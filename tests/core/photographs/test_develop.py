@@ -106,6 +106,15 @@ def test_a_gray_sphere_tells_response_directions_and_strengths(there: Drawer) ->
     assert any(words.startswith("srgb by the gray sphere") for words in made.notes["found"]["assumed"])
 
 
+def test_a_sphere_beside_the_object_is_named_by_its_mask(there: Drawer) -> None:
+    there.put("../ball.png", MASK.astype(float))
+    there.pictures = {path.resolve(): picture for path, picture in there.pictures.items()}
+    (there.folder / "lights.txt").unlink()
+    made = imported(there, gray=str((there.folder / "../ball.png").resolve()))
+    assert drawn.angles(made.lights.position, LIGHTS).max() < 0.5
+    assert "linear by the gray sphere" in made.notes["found"]["assumed"][0]
+
+
 def test_a_mirror_sphere_replaces_a_wrong_list_and_says_how_wrong(there: Drawer) -> None:
     chrome, turn = Drawer(there.folder.parent / "chrome"), np.radians(4)
     chrome.series(drawn.mirror(LIGHTS), bits=8)
@@ -141,6 +150,16 @@ def test_spheres_in_other_numbers_or_under_near_lights_are_told(there: Drawer) -
     there.pictures |= few.pictures
     with pytest.raises(LightsphereError, match="under 5 lights, the object's are 12"):
         imported(there, gray=str(few.folder))
+    there.series(drawn.lambert(LIGHTS))
+    sphere = Drawer(there.folder.parent / "gray")
+    sphere.series(drawn.lambert(LIGHTS))
+    for name in ("img_7.png", "mask.png"):
+        sphere.put(name, np.ones((5, 6)))
+        there.pictures |= sphere.pictures
+        with pytest.raises(
+            LightsphereError, match=r"of the sphere is .* all need the same size|not a circle|too small"
+        ):
+            imported(there, gray=str(sphere.folder))
     with pytest.raises(LightsphereError, match="nowhere is no folder"):
         imported(there, chrome="nowhere")
 
@@ -269,7 +288,7 @@ def test_photographs_that_cannot_be_used_are_told(there: Drawer, what: str, said
     [
         (LIGHTS[:2], "2 lights do not determine a normal"),
         (LIGHTS * [1, 1e-3, 1], "lie in one plane"),
-        (np.concatenate([LIGHTS[:5], LIGHTS[2:3]]), "lights 3 and 6 come from the same direction"),
+        (np.concatenate([LIGHTS[:5], LIGHTS[2:3]]), "lights 3 and 6 coincide"),
         (np.concatenate([LIGHTS[:5], [[0.6, 0, -0.8]]]), "light 6 stands behind"),
     ],
 )
