@@ -73,7 +73,8 @@ class Views:
     near, far : (P,) float64
         Limits of the depth [m].
     values : (P, L) float32
-        Cube root of picture value over intensity; 0 where unlit or not to be used.
+        Cube root of picture value over intensity; 0 where unlit or not to be used, negative where rounded to 0 from
+        at most that.
     positions : (L, 3) float64
         The lights [m].
     noise : (P,) float64

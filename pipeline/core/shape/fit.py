@@ -90,13 +90,15 @@ def moved(state, step, pixel, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def normal_equations(state, pixel, residuals, jacobian, sigma, a, g):  # type: ignore[no-untyped-def]
-    """Fill A = J^T W J and g = J^T W r with Cauchy's weights, what is known beforehand added."""
+    """Fill A = J^T W J and g = J^T W r with the weights of the loss, what is known beforehand added."""
     used = UNKNOWNS if pixel.bounced else DIRECT_UNKNOWNS
     a[:, :] = 0.0
     g[:] = 0.0
     for i in range(len(residuals)):
         r = residuals[i]
         weight = 1.0 / (1.0 + (r / sigma) ** 2)
+        if i >= pixel.lit:
+            weight *= weight
         for j in range(used):
             scaled = weight * jacobian[i, j]
             g[j] += scaled * r
@@ -146,15 +148,19 @@ def freeze(state, g, glossy, bounced, frozen):  # type: ignore[no-untyped-def]
 def reweigh(pixel, residuals):  # type: ignore[no-untyped-def]
     """Set the weights from the predicted roots: weights from noisy values would prefer those that came out large.
 
-    Noise of standard deviation s moves a root c by s / (3 c^2); a weight falls below 1 where that exceeds one per
-    cent of the value at the median.
+    Noise of standard deviation s moves a root c by s / (3 c^2), and no further than at c^3 = s: a prediction of
+    nothing must not excuse everything. A weight falls below 1 where that exceeds one per cent of the value at the
+    median.
     """
     if pixel.noise <= 0.0:
         return
     usual = 0.01 / 3.0 * pixel.middle
+    least = 0.1 * pixel.middle
+    if not pixel.bounced:  # whose noise is a doubt about the model, by which values do not scatter
+        least = max(least, np.cbrt(pixel.noise))
     for i in range(len(residuals)):
         predicted = pixel.roots[i] + residuals[i] / pixel.weights[i]
-        spread = pixel.noise / (3.0 * max(predicted, 0.1 * pixel.middle) ** 2)
+        spread = pixel.noise / (3.0 * max(predicted, least) ** 2)
         pixel.weights[i] = usual / math.sqrt(usual * usual + spread * spread)
 
 
@@ -191,7 +197,7 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
     for s in range(len(scales) + 1):
         last = s == len(scales)  # no steps: the state's own figures at the spread that it reached
         reweigh(pixel, residuals)
-        spread = 1.4826 * np.median(np.abs(residuals))
+        spread = 1.4826 * np.median(np.abs(residuals[: pixel.lit]))
         if 0 < s < len(scales) and spread < EXACT * pixel.middle:
             continue
         sigma = max(floor, (1.0 if last else scales[s]) * spread)
@@ -218,7 +224,7 @@ def refine(state, glossy, pixel, scales, iterations, summary):  # type: ignore[n
                 break
     normal_equations(state, pixel, residuals, jacobian, sigma, a, g)
     freeze(state, g, glossy, pixel.bounced, frozen)
-    summary[0] = 1.4826 * np.median(np.abs(residuals))
+    summary[0] = 1.4826 * np.median(np.abs(residuals[: pixel.lit]))
     summary[1] = depth_deviation(a, frozen, sigma)
 
 
@@ -239,7 +245,7 @@ def diffuse_start(state, depth, pixel, upper):  # type: ignore[no-untyped-def]
     ray = pixel.ray
     m = np.zeros((3, 3))
     g = np.zeros(3)
-    for i in range(len(pixel.roots)):
+    for i in range(pixel.lit):
         if pixel.roots[i] > upper:
             continue
         wx = pixel.lights[i, 0] - ray[0] - depth * ray[3]
@@ -278,7 +284,7 @@ def diffuse_start(state, depth, pixel, upper):  # type: ignore[no-untyped-def]
 def glossy_start(state, mirror, alpha, pixel):  # type: ignore[no-untyped-def]
     """Add a lobe to a diffuse start, about the half vector of the brightest light (mirror) or about its normal."""
     ray = pixel.ray
-    top = np.argmax(pixel.roots)
+    top = np.argmax(pixel.roots[: pixel.lit])
     wx = pixel.lights[top, 0] - ray[0] - state[DEPTH] * ray[3]
     wy = pixel.lights[top, 1] - ray[1] - state[DEPTH] * ray[4]
     wz = pixel.lights[top, 2] - ray[2] - state[DEPTH] * ray[5]

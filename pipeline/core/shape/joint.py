@@ -26,24 +26,20 @@ CONTRADICTION = 1.15  # what is expected of a lobe may raise the pictures' misfi
 
 @kernel
 def gather(values, ray, near, far, positions, noise, bounced, expected, precision, min_lit):  # type: ignore[no-untyped-def]
-    """Return what one pixel knows: its lit lights, none if there are fewer than ``min_lit``."""
-    count = 0
-    for i in range(len(values)):
-        if values[i] > 0.0:
-            count += 1
-    if count < min_lit:
-        count = 0
-    lights = np.empty((count, 3))
-    roots = np.empty(count)
-    at = 0
-    if count > 0:
-        for i in range(len(values)):
-            if values[i] > 0.0:
-                lights[at] = positions[i]
-                roots[at] = values[i]
-                at += 1
-    middle = np.median(roots) if count > 0 else 0.0
-    return Pixel(ray, near, far, lights, roots, np.ones(count), middle, noise, bounced, expected, precision)
+    """Return what one pixel knows: its lit lights, then those rounded to 0; none if fewer than ``min_lit`` are lit."""
+    lit, rounded = np.flatnonzero(values > 0.0), np.flatnonzero(values < 0.0)
+    if len(lit) < min_lit:
+        lit, rounded = lit[:0], rounded[:0]
+    known = np.concatenate((lit, rounded))
+    lights = np.empty((len(known), 3))
+    roots = np.empty(len(known))
+    for i in range(len(known)):
+        lights[i] = positions[known[i]]
+        roots[i] = abs(values[known[i]])
+    middle = np.median(roots[: len(lit)]) if len(lit) > 0 else 0.0
+    return Pixel(
+        ray, near, far, len(lit), lights, roots, np.ones(len(known)), middle, noise, bounced, expected, precision
+    )
 
 
 @kernel
@@ -81,7 +77,7 @@ def blind(state, glossy, pixel, summary):  # type: ignore[no-untyped-def]
     """Fit from depths along the whole ray, with a lobe each from two normals and two widths; return the score."""
     kinds = len(ALPHAS) if glossy else 1
     starts = np.empty((BLIND_DEPTHS * kinds, STATE))
-    upper = np.quantile(pixel.roots, 0.6 if glossy else 0.8)  # highlights are above it
+    upper = np.quantile(pixel.roots[: pixel.lit], 0.6 if glossy else 0.8)  # highlights are above it
     for k in range(BLIND_DEPTHS):
         depth = pixel.near + (k + 0.5) / BLIND_DEPTHS * (pixel.far - pixel.near)
         for j in range(kinds):
@@ -130,7 +126,7 @@ def solve_pixel(own, others, states, scores, kinds, rays, pixel, out, summary): 
     The diffuse model is tried first; the lobe must pay for its unknowns (Schwarz 1978). Returns (score, kind), fills
     ``out`` with the state and ``summary`` with relative spread and the depth's standard deviation.
     """
-    count = len(pixel.roots)
+    count = pixel.lit
     if count == 0:
         return np.inf, NONE
     best, kind = scores[own], kinds[own]

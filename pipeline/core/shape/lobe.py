@@ -49,14 +49,17 @@ class Pixel(NamedTuple):
         Origin [m] and unit direction.
     near, far : float
         Limits of the depth [m].
+    lit : int
+        How many of the N lights are seen; the others, in coarsely quantised pictures alone, were rounded to 0.
     lights : (N, 3) float64
-        The lit lights [m].
+        The lights [m], lit ones first.
     roots : (N,) float64
-        Cube root of picture value over intensity, of each.
+        Cube root of picture value over intensity, of each; of half a step, the most that it can be, where that was
+        rounded to 0.
     weights : (N,) float64
         Factors of the residuals, 1 where the picture's noise floor does not matter; kept up to date by the fit.
     middle : float
-        Median of the roots.
+        Median of the lit lights' roots.
     noise : float
         Standard deviation of the noise floor, in value over intensity.
     bounced : bool
@@ -68,6 +71,7 @@ class Pixel(NamedTuple):
     ray: Any
     near: float
     far: float
+    lit: int
     lights: Any
     roots: Any
     weights: Any
@@ -80,6 +84,8 @@ class Pixel(NamedTuple):
 
 ALPHA_RANGE = (math.log(3e-3), math.log(1.5))
 KAPPA_RANGE = (1e-3, 0.8)
+SOFT = 0.35  # slope of a rounded value's residual inside its step: keeps the equations regular
+HALF_STEP = math.sqrt(3.0)  # over the standard deviation that rounding makes
 _KNOTS = 512
 
 
@@ -134,6 +140,20 @@ def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def beyond_rounding(root, measured, noise):  # type: ignore[no-untyped-def]
+    """Return the residual of a rounded value, small as long as the prediction rounds to it, and its slope.
+
+    The middle of a step is no estimate of what was rounded to it: where most values lie below the first step, those
+    that reach it do so just about.
+    """
+    half = math.copysign(HALF_STEP * noise, root - measured)
+    edge = np.cbrt(max(0.0, measured**3 + half))
+    if abs(root - measured) < abs(edge - measured):
+        return SOFT * (root - measured), SOFT
+    return root - edge + SOFT * (edge - measured), 1.0
+
+
+@kernel
 def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[no-untyped-def]
     """Evaluate the residuals and, where wanted, their derivatives.
 
@@ -147,17 +167,19 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
     sigma : float
         Scale of Cauchy's loss, in the unit of ``roots``.
     residuals : (N,) float64
-        Filled with predicted minus measured cube roots, weighted.
+        Filled with predicted minus measured cube roots, weighted; see :func:`beyond_rounding` for rounded values.
     jacobian : (N, 12) or (0, 12) float64
         Filled with the derivatives by the 12 unknowns, unless it is empty.
 
     Returns
     -------
     cost : float
-        Mean of log(1 + (r / sigma)^2).
+        Mean of log(1 + x^2), x = r / sigma, and of x^2 / (1 + x^2) for values rounded to 0: much less than predicted
+        is shadow, of which the model knows nothing.
     """
     ray, positions, roots, weights = pixel.ray, pixel.lights, pixel.roots, pixel.weights
     count = len(roots)
+    lit = pixel.lit
     derive = len(jacobian) > 0
     t, nx, ny, nz = state[DEPTH], state[NX], state[NY], state[NZ]
     alpha2 = math.exp(2.0 * state[LOG_ALPHA])
@@ -183,7 +205,7 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
             bounced = max(0.0, state[9] + state[10] * ux + state[11] * uy + state[12] * uz)
         if cl <= 1e-3 and bounced <= 0.0:
             # Lit although the model says that it faces away.
-            residuals[i] = -weights[i] * roots[i]
+            residuals[i] = -weights[i] * roots[i] if i < lit else 0.0
             cost += math.log(1.0 + (residuals[i] / sigma) ** 2)
             if derive:
                 jacobian[i, :] = 0.0
@@ -218,12 +240,19 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
             value += lobe * tint
         value = max(value, 1e-30)
         root = np.cbrt(value / d2)
-        r = weights[i] * (root - roots[i])
+        apart, slope = root - roots[i], weights[i]
+        if i >= lit:
+            apart = max(0.0, apart)
+            slope = weights[i] if apart > 0.0 else 0.0
+        elif count > lit:
+            apart, soft = beyond_rounding(root, roots[i], pixel.noise)
+            slope *= soft
+        r = weights[i] * apart
         residuals[i] = r
-        cost += math.log(1.0 + (r / sigma) ** 2)
+        cost += math.log(1.0 + (r / sigma) ** 2) if i < lit else r * r / (r * r + sigma * sigma)
         if not derive:
             continue
-        chain = weights[i] * root / (3.0 * value)
+        chain = slope * root / (3.0 * value)
         row = jacobian[i]
         by_depth, by_a, by_b = direct * kd * cl_t, direct * kd * cl_a, direct * kd * cl_b
         row[8:] = 0.0
@@ -242,18 +271,18 @@ def evaluate(state, glossy, pixel, sigma, residuals, jacobian):  # type: ignore[
             logg_cl = -light_cos / whole
             logg_co = view_cos * (1.0 / (1.0 + view) - 1.0 / whole)
             rise_t = (_RISE[at + 1] - _RISE[at]) * _KNOTS * (0.5 * norm * uo_t)
-            lit = lobe * tint
-            by_depth += lit * (logd_ch * ch_t + logg_cl * cl_t) + lobe * k1 * rise_t
+            shine = lobe * tint
+            by_depth += shine * (logd_ch * ch_t + logg_cl * cl_t) + lobe * k1 * rise_t
             co_a, co_b = ax * ox + ay * oy + az * oz, bx * ox + by * oy + bz * oz
-            by_a += lit * (logd_ch * ch_a + logg_cl * cl_a + logg_co * co_a)
-            by_b += lit * (logd_ch * ch_b + logg_cl * cl_b + logg_co * co_b)
+            by_a += shine * (logd_ch * ch_a + logg_cl * cl_a + logg_co * co_a)
+            by_b += shine * (logd_ch * ch_b + logg_cl * cl_b + logg_co * co_b)
             logg_alpha = view_log / (1.0 + view) - (view_log + light_log) / whole
-            row[3] = chain * lit * (2.0 * q / (kappa * (1.0 + q)) + logg_alpha)
+            row[3] = chain * shine * (2.0 * q / (kappa * (1.0 + q)) + logg_alpha)
             logg_kappa = blend_slope * (view_blend / (1.0 + view) - (view_blend + light_blend) / whole)
             row[4] = (
-                chain * lit * (grown / (kappa * kappa) - q / ((1.0 + q) * kappa * kappa * (1.0 - kappa)) + logg_kappa)
+                chain * shine * (grown / (kappa * kappa) - q / ((1.0 + q) * kappa * kappa * (1.0 - kappa)) + logg_kappa)
             )
-        row[0] = chain * by_depth - weights[i] * root * 2.0 / 3.0 * (ox * wx + oy * wy + oz * wz) / d2
+        row[0] = chain * by_depth - slope * root * 2.0 / 3.0 * (ox * wx + oy * wy + oz * wz) / d2
         row[1] = chain * by_a
         row[2] = chain * by_b
         row[5] = chain * direct * cl

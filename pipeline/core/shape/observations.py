@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Progress, Work
+from .lobe import HALF_STEP
 
 BAD_SHARE = 0.5  # a picture with more unusable pixels than this is damaged, not noisy
 CLIPPED_PIXELS = 4  # this many pixels with exactly the largest value of the capture are saturated, not bright
@@ -19,6 +20,8 @@ DARK_DEVIATIONS = 3.0  # values below this many deviations of the noise floor co
 NOISE_SAMPLE = 3_000_000  # single colours looked at to estimate the noise floor
 UNFORESEEN = 0.02  # of the 90th percentile: how far bounced light strays from its model
 BRIGHT_SHARE = 0.05  # in direct light more values than this are attached or cast shadow
+COARSE = 4.0  # steps that the median lit value has at most where quantisation hides what is lit
+PREVIEW = 32  # pictures from which that is judged
 SMALLEST = 1e-7  # values below this share of the largest count as unlit: the rounding of half floats
 
 
@@ -30,7 +33,8 @@ class Observations:
     ----------
     values : (P, L) float32
         Cube root of the picture's value over the light's intensity, mean of the colours; 0 where the pixel is unlit,
-        saturated or not a number.
+        saturated or not a number. Of coarsely quantised pictures the brightest colour, and minus the root of half a
+        step where that was rounded to 0.
     floor : float
         Standard deviation of the noise that does not depend on the value, in value over intensity.
     bounced : bool
@@ -64,6 +68,7 @@ def observe(capture: Capture, mask: NDArray[np.bool_], memory: float) -> Work[Ob
     """
     pixels, lights = int(mask.sum()), len(capture)
     values = _allocate(pixels, lights, memory)
+    step = coarse_step(capture, mask)
     largest = np.zeros(lights)
     sample: list[NDArray[np.float32]] = []
     stride = max(1, pixels * lights * 3 // NOISE_SAMPLE)
@@ -78,16 +83,19 @@ def observe(capture: Capture, mask: NDArray[np.bool_], memory: float) -> Work[Ob
             )
         bad += ~usable
         relative = _over_intensity(seen, capture.lights.intensity[light])
-        values[:, light] = np.where(usable, relative.mean(axis=1), -np.inf)
+        # The mean of colours that are rounded apart has no even steps; rounding keeps the brightest the brightest.
+        values[:, light] = np.where(usable, relative.max(axis=1) if step else relative.mean(axis=1), -np.inf)
         sample.append(relative[usable][::stride].ravel())
         largest[light] = float(seen[usable].max())
         yield Progress("read", light + 1, lights, "pictures")
     clipped = yield from _drop_clipped(capture, mask, values, largest)
     seen_values = np.concatenate(sample)
     floor = noise_floor(seen_values)
-    if not quantisation_step(seen_values):  # independent in the three colours, of which the mean is taken
+    if step:
+        floor = step / np.sqrt(12.0) / float(np.median(capture.lights.intensity.max(axis=1)))
+    elif not quantisation_step(seen_values):  # independent in the three colours, of which the mean is taken
         floor /= np.sqrt(3.0)
-    _to_roots(values, floor)
+    _to_roots(values, floor, step > 0)
     return Observations(values, floor, _holds_bounced_light(capture, values), clipped, bad)
 
 
@@ -132,6 +140,15 @@ def quantisation_step(sample: NDArray[np.float32]) -> float:
     if distinct.size > FEW_DISTINCT * positive.size:
         return 0.0
     return float(np.min(np.diff(distinct, prepend=0.0)))
+
+
+def coarse_step(capture: Capture, mask: NDArray[np.bool_]) -> float:
+    """Return the step of pictures so coarsely quantised that they hide what is lit, 0 for others, by a few of them."""
+    few = np.unique(np.linspace(0, len(capture) - 1, PREVIEW).astype(int))
+    sample = np.concatenate([capture.image(int(light))[mask].ravel() for light in few])
+    sample = sample[np.isfinite(sample)]
+    step = quantisation_step(sample)
+    return step if step and float(np.median(sample[sample > 0])) < COARSE * step else 0.0
 
 
 def noise_floor(sample: NDArray[np.float32]) -> float:
@@ -187,10 +204,11 @@ def noise_of(observations: Observations, rows: int = 8192) -> NDArray[np.float64
     return noise
 
 
-def _to_roots(values: NDArray[np.float32], floor: float, rows: int = 8192) -> None:
-    """Turn values into cube roots in place, 0 where they are unlit or unusable."""
+def _to_roots(values: NDArray[np.float32], floor: float, coarse: bool, rows: int = 8192) -> None:
+    """Turn values into cube roots in place, as in :class:`Observations`."""
     largest = max((float(values[i : i + rows].max()) for i in range(0, len(values), rows)), default=0.0)
     lowest = max(DARK_DEVIATIONS * floor, SMALLEST * largest)
     for start in range(0, len(values), rows):
         part = values[start : start + rows]
-        part[:] = np.cbrt(np.where(part > lowest, part, 0.0))
+        darkest = np.where(part == 0.0, -HALF_STEP * floor if coarse else 0.0, 0.0)
+        part[:] = np.cbrt(np.where(part > lowest, part, darkest))

@@ -174,7 +174,8 @@ def compare_surfaces(  # type: ignore[no-untyped-def]
     nothing = np.zeros(UNKNOWNS)
     for i in prange(len(pixels)):
         own = pixels[i]
-        pixel = gather(values[own], rays[own], near[own], far[own], positions, noise[own], bounced, nothing, nothing, 1)
+        seen = np.maximum(values[own], 0.0)  # what was rounded to 0 is no value to compare
+        pixel = gather(seen, rays[own], near[own], far[own], positions, noise[own], bounced, nothing, nothing, 1)
         sides = surface[values[own] > 0.0]
         depths[i], explained[i] = search(states[own], kinds[own] == GLOSSY, spreads[own], pixel, sides)
     return depths, explained

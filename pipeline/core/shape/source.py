@@ -163,7 +163,7 @@ def solve(
     for start in range(0, len(depths), BLOCK):
         part = slice(start, start + BLOCK)
         depths[part] = sweep(
-            views.rays[part], views.near[part], views.far[part], views.values[part], order,
+            views.rays[part], views.near[part], views.far[part], np.maximum(views.values[part], 0.0), order,
             views.positions[inner], views.positions[outer], triangles, candidates, min_lit,
         )  # fmt: skip
         yield Progress("shape", min(start + BLOCK, len(depths)), len(depths), "pixels")

@@ -229,6 +229,20 @@ def test_confidence_ranks_planted_errors() -> None:
     assert figures["confidence_high_p95_pct"] > 0.5 * figures["confidence_low_p95_pct"]
 
 
+def test_pictures_in_steps_above_most_values_are_trusted_as_far_as_they_go() -> None:
+    capture = drawn.draw(BALL, drawn.two_spheres(160, 40), drawn.ggx)
+    step = float(np.median(painted(capture)[painted(capture) > 0])) / 0.9
+    coarse = (np.round(painted(capture) / step) * step).astype(np.float32)
+    found = drawn.solved(repainted(capture, coarse))
+    known = np.isfinite(found.depth)
+    assert known.sum() == np.isfinite(BALL.depth).sum()
+    assert (abs(found.depth - BALL.depth) < 2 * found.layers["expected_error"])[known].all()
+    # The negative control: steps that are not recognised, their middles taken for values.
+    uneven = 1 + 1e-3 * np.random.default_rng(5).standard_normal(coarse.shape)
+    hidden = drawn.solved(repainted(capture, (coarse * uneven).astype(np.float32)))
+    assert np.median(drawn.errors(found, BALL)) < 0.7 * np.median(drawn.errors(hidden, BALL))
+
+
 # Lights that cannot be used ------------------------------------------------------------------------------------------
 
 

@@ -22,7 +22,7 @@ def observed(state: NDArray[np.float64], noise: float = 0.0, seed: int = 0) -> l
     facing = oracles.dot(NORMAL, lights - RAY[:3] - state[0] * RAY[3:]) > 0.1
     lights = np.ascontiguousarray(lights[facing])
     nothing, roots, ones = np.zeros(lobe.UNKNOWNS), np.zeros(len(lights)), np.ones(len(lights))
-    dark = lobe.Pixel(RAY, 3.0, 6.5, lights, roots, ones, 1.0, 0.0, False, nothing, nothing)
+    dark = lobe.Pixel(RAY, 3.0, 6.5, len(lights), lights, roots, ones, 1.0, 0.0, False, nothing, nothing)
     predicted = np.empty(len(lights))
     lobe.evaluate(state, True, dark, 1.0, predicted, np.empty((0, lobe.UNKNOWNS)))
     middle = float(np.median(predicted))

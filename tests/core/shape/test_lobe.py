@@ -19,7 +19,8 @@ POINT = RAY[:3] + DEPTH * RAY[3:]
 def pixel(lights: NDArray[np.float64], roots: NDArray[np.float64], bounced: bool) -> lobe.Pixel:
     nothing = np.zeros(lobe.UNKNOWNS)
     weights = np.linspace(0.5, 1.0, len(lights))
-    return lobe.Pixel(RAY, 3.0, 6.0, lights, roots, weights, float(np.median(roots)), 0.0, bounced, nothing, nothing)
+    middle = float(np.median(roots))
+    return lobe.Pixel(RAY, 3.0, 6.0, len(lights), lights, roots, weights, middle, 0.0, bounced, nothing, nothing)
 
 
 def facing(count: int, least: float) -> NDArray[np.float64]:
@@ -67,6 +68,38 @@ def test_derivatives_agree_with_differences(alpha: float, kappa: float, glossy: 
         assert apart <= tolerances.JACOBIAN * max(largest, 1e-3), unknown
         if largest > 0:  # a wrong sign is seen
             assert np.abs(jacobian[:, unknown] + difference).max() > 0.5 * largest
+
+
+def rounded(lights: NDArray[np.float64], state: NDArray[np.float64], step: float) -> lobe.Pixel:
+    """What a pixel in that state sees of lights in steps, those rounded to 0 last."""
+    predicted = np.empty(len(lights))
+    lobe.evaluate(state, True, pixel(lights, np.zeros(len(lights)), False), 1.0, predicted, np.empty((0, 12)))
+    values = step * np.round((predicted / np.linspace(0.5, 1.0, len(lights))) ** 3 / step)
+    order = np.argsort(values == 0, kind="stable")
+    roots = np.cbrt(np.where(values > 0, values, step / 2))[order]
+    known = pixel(np.ascontiguousarray(lights[order]), roots, False)
+    return known._replace(lit=int((values > 0).sum()), noise=step / np.sqrt(12))
+
+
+def test_rounded_values_ask_for_their_step_and_no_more() -> None:
+    lights, state, step = facing(60, 0.02), state_of(0.3, 0.4, False), 0.1
+    known = rounded(lights, state, step)
+    assert 12 < known.lit < len(lights) - 12
+    residuals, jacobian = np.empty(len(lights)), np.empty((len(lights), lobe.UNKNOWNS))
+    lobe.evaluate(state, True, known, 0.1, residuals, jacobian)
+    assert (residuals[known.lit :] == 0).all() and (jacobian[known.lit :] == 0).all()
+    cubes = known.roots[: known.lit] ** 3
+    widest = known.roots[: known.lit] - np.cbrt(cubes - step / 2)
+    assert (abs(residuals) / known.weights)[: known.lit].max() <= lobe.SOFT * widest.max() * (1 + 1e-9)
+    brighter = state.copy()
+    brighter[[lobe.DIFFUSE, lobe.SPECULAR, lobe.RISE]] *= 3
+    lobe.evaluate(brighter, True, known, 0.1, residuals, jacobian)
+    assert (residuals[known.lit :] > 0).sum() >= 8
+    moved = brighter.copy()
+    moved[lobe.DEPTH] += 1e-6
+    after = np.empty(len(lights))
+    lobe.evaluate(moved, True, known, 0.1, after, np.empty((0, lobe.UNKNOWNS)))
+    np.testing.assert_allclose((after - residuals) / 1e-6, jacobian[:, 0], atol=1e-4 * abs(jacobian[:, 0]).max())
 
 
 def lobe_values(lights: NDArray[np.float64], roughness: float, kappa: float) -> NDArray[np.float64]:

@@ -80,6 +80,30 @@ def test_values_are_roots_of_value_over_intensity() -> None:
     assert found.floor == 0 and not found.bounced and not found.clipped.any() and not found.bad.any()
 
 
+def test_coarse_steps_keep_the_brightest_colour_and_say_what_was_rounded_away() -> None:
+    tint = np.array([0.5, 1.0, 0.8], np.float32)
+    lit = pictures()[pictures() > 0]
+    step = float(np.median(lit))
+    coarse = (np.round(pictures() * tint / step) * step).astype(np.float32)
+    coarse[7, 7, 7] = np.nan
+    found = seen(repainted(coarse))
+    brightest = coarse[:, CAPTURE.mask(), 1].T / 12
+    own = np.flatnonzero(np.flatnonzero(CAPTURE.mask().ravel()) == 7 * 14 + 7)[0]
+    assert found.values[own, 7] == 0
+    brightest[own, 7] = 0
+    np.testing.assert_allclose(found.values[brightest > 0], np.cbrt(brightest[brightest > 0]), rtol=1e-6)
+    assert found.floor == pytest.approx(step / 12 / np.sqrt(12), rel=1e-4)
+    rest = np.delete(found.values[brightest == 0], np.flatnonzero(found.values[brightest == 0] == 0))
+    assert len(rest) == (brightest == 0).sum() - 1
+    np.testing.assert_allclose(rest, -np.cbrt(step / 24), rtol=1e-4)
+
+
+def test_fine_steps_hide_nothing() -> None:
+    step = float(np.quantile(pictures(), 0.999)) / 255
+    found = seen(repainted((np.round(pictures() / step) * step).astype(np.float32)))
+    assert (found.values >= 0).all()
+
+
 def test_large_captures_live_in_a_file_with_the_same_values() -> None:
     found = seen(CAPTURE, memory=0.0)
     assert isinstance(found.values, np.memmap)
