@@ -8,7 +8,9 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Vector
+from numpy.typing import NDArray
 
+from ..core.camera import Camera
 from ..core.errors import LightsphereError
 from ..core.reflectance import Reflectance
 from ..core.shape import Shape
@@ -45,10 +47,20 @@ def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: 
     LightsphereError
         When the file exists and may not be replaced, or cannot be written.
     """
-    if path.exists() and not overwrite:
-        raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
+    check_free(path, overwrite)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     build(bpy.context.scene, shape, mesh, reflectance, name)
+    save(path)
+
+
+def check_free(path: Path, overwrite: bool) -> None:
+    """Raise LightsphereError when a file exists and may not be replaced."""
+    if path.exists() and not overwrite:
+        raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
+
+
+def save(path: Path) -> None:
+    """Save what is open in this Blender, seen through its camera; raise LightsphereError when it cannot be written."""
     _look_through_camera()
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -63,12 +75,19 @@ def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflect
     item = add_mesh(scene, name, mesh, surface_material(name, reflectance))
     for key, value in _figures(shape).items():
         item[key] = value
-    camera = add_camera(scene, shape.camera)
-    extent = float((mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)).max())
+    furnish(scene, shape.camera, mesh.vertices)
+    return item
+
+
+def furnish(scene: bpy.types.Scene, seen_by: Camera, points: NDArray[np.float64]) -> None:
+    """Add camera, lights and sky for an object of some points (V, 3) in the world, and set what a render needs."""
+    camera = add_camera(scene, seen_by)
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre, extent = Vector((low + high) / 2), float((high - low).max())
     for light, direction, size, radiance in STUDIO:
-        add_light(scene, light, camera.matrix_world.to_3x3() @ Vector(direction), item.location, extent, size, radiance)
+        add_light(scene, light, camera.matrix_world.to_3x3() @ Vector(direction), centre, extent, size, radiance)
     scene.world = sky()
-    width, height = shape.camera.resolution
+    width, height = seen_by.resolution
     scale = LONGER_SIDE / max(width, height)
     scene.render.resolution_x, scene.render.resolution_y = round(width * scale), round(height * scale)
     for key, value in {
@@ -80,7 +99,6 @@ def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflect
         setattr(scene.cycles, key, value)
     scene.render.engine = "CYCLES"
     scene.view_settings.view_transform = "Standard"
-    return item
 
 
 def add_light(

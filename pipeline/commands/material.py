@@ -21,7 +21,10 @@ def material(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing file")] = False,
     json: JsonFile = None,
 ) -> None:
-    """Write asset.blend: relief mesh with UVs, packed textures in a node material, camera, lights and sky."""
+    """Write asset.blend: mesh with UVs, packed textures in a node material, camera, lights and sky.
+
+    The mesh is the one that the shape was taken from, or a relief through the shape's pixels.
+    """
     from ..core.shape.mesh import relief
 
     if output.suffix != ".blend":
@@ -30,10 +33,14 @@ def material(
         raise LightsphereError(f"{output} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
         opened, found = fitted(shape, settings)
-        mesh = relief(opened)
-        from ..blender import asset
+        from ..blender import asset, scanned_asset
 
-        asset.write(output, opened, mesh, found, "Recovered", overwrite)
+        if scan := opened.notes.get("mesh"):
+            made = scanned_asset.write(output, opened, (shape / scan).resolve(), found, overwrite)
+        else:
+            mesh = relief(opened)
+            asset.write(output, opened, mesh, found, "Recovered", overwrite)
+            made = {"vertices": len(mesh.vertices), "triangles": len(mesh.faces)}
         figures.values.update({key: found.notes[key] for key in ("material_rel_rms", "material_rel_rms_median")})
-        figures.values.update(vertices=len(mesh.vertices), triangles=len(mesh.faces))
-        figures.summary = f"{len(mesh.faces)} triangles, {summary(found)}; in {output}"
+        figures.values.update(made)
+        figures.summary = f"{made['triangles']} triangles, {summary(found)}; in {output}"

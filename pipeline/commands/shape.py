@@ -14,12 +14,17 @@ import typer
 from ..core.capture import Capture
 from ..core.compare import shape_errors
 from ..core.errors import LightsphereError
+from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
+MeshFile = Annotated[
+    Path | None,
+    typer.Option("--mesh", help="take the shape from a mesh: PLY, OBJ, glTF or USD", metavar="FILE"),
+]
 LEFT_OUT = ("saturated_values", "broken_values")
 NAMED = 5  # changed pictures that a warning names
 
@@ -29,13 +34,15 @@ def shape(
     capture: Annotated[Path, typer.Argument(help="folder of a capture under lights on two nested surfaces")],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the shape")],
     settings: ShapeSettings,
+    mesh: MeshFile = None,
+    mesh_unit: Annotated[float, typer.Option(help="length of the mesh's unit [m]", min=1e-9)] = 1.0,
     json: JsonFile = None,
 ) -> None:
     """Recover the depth of every pixel, for any BRDF, by double covering."""
     opened = Capture.open(capture)
     with Figures("shape", json) as figures:
         start = time.perf_counter()
-        found = run_with_bar(recover(opened, settings))
+        found = _scanned(opened, mesh, mesh_unit, output) if mesh else run_with_bar(recover(opened, settings))
         figures.values["solve_seconds"] = time.perf_counter() - start
         found.notes["settings"] = dataclasses.asdict(settings)
         found.notes["capture"] = os.path.relpath(capture, output)
@@ -49,12 +56,21 @@ def shape(
         found.notes["errors"] = errors
         found.save(output)
         write_ply(output / "mesh.ply", relief(found))
-        left_out = {name: found.notes[name] for name in LEFT_OUT}
+        left_out = {name: found.notes[name] for name in LEFT_OUT if name in found.notes}
         figures.values.update(errors, **left_out)
         words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
         words = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"
         figures.summary = words + "".join(f", {name} {count}" for name, count in left_out.items() if count)
     _warn_of_changes(opened)
+
+
+def _scanned(capture: Capture, mesh: Path, unit: float, output: Path) -> Shape:
+    """Return what the camera sees of a mesh, with where its file is from the shape's folder."""
+    from ..blender.scans import shape_of
+
+    found = shape_of(capture, mesh, unit)
+    found.notes["mesh"] = os.path.relpath(mesh, output)
+    return found
 
 
 def _warn_of_changes(capture: Capture) -> None:

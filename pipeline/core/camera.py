@@ -69,6 +69,21 @@ class Camera:
             directions = np.broadcast_to(-rotation[:, 2], origins.shape).copy()
         return origins, directions
 
+    def project(self, points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where points (..., 3) of the world are seen, (..., 2) [px], and how far along their rays (...) [m].
+
+        The inverse of :meth:`rays_at`. What lies behind a pinhole camera has a negative distance.
+        """
+        local = (np.asarray(points, np.float64) - self.to_world[:3, 3]) @ self.to_world[:3, :3]
+        distance = -local[..., 2]
+        if self.model == "pinhole":
+            local = local / np.where(distance == 0, np.nan, distance)[..., None]
+        column = self.centre[0] + self.focal[0] * local[..., 0]
+        row = self.centre[1] - self.focal[1] * local[..., 1]
+        if self.model == "pinhole":
+            distance = distance * np.linalg.norm(local, axis=-1)
+        return np.stack([column, row], axis=-1), np.asarray(distance)
+
     def pixel_size(self, depth: NDArray[Any]) -> NDArray[np.float64]:
         """Return the width across the view that a pixel covers at depths of any shape [m]."""
         depth = np.asarray(depth, np.float64)

@@ -102,3 +102,15 @@ def test_a_description_that_is_no_camera_is_refused(change: dict[str, object]) -
     for key in value:
         with pytest.raises(LightsphereError, match=key):
             Camera.from_json({k: v for k, v in value.items() if k != key})
+
+
+@pytest.mark.parametrize("model", ["pinhole", "orthographic"])
+def test_project_undoes_rays(model: str) -> None:
+    eye = camera(model)
+    place = np.random.default_rng(0).uniform(0, 5, (40, 2))
+    origins, directions = eye.rays_at(place)
+    depth = np.linspace(0.5, 9, 40)
+    found, distance = eye.project(origins + depth[:, None] * directions)
+    np.testing.assert_allclose(found, place, atol=1e-12)
+    np.testing.assert_allclose(distance, depth, rtol=1e-12)
+    assert (eye.project(origins - depth[:, None] * directions)[1] < 0).all()
