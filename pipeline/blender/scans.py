@@ -31,7 +31,7 @@ IMPORTERS: dict[str, Callable[..., Any]] = {
     ".usdz": lambda path: bpy.ops.wm.usd_import(filepath=path),
 }
 KEPT = ("MESH", "EMPTY")  # of what a file brings; empties are parents of meshes
-SHARP = np.radians(40)  # between faces of a mesh without normals, above which their edge is one
+SHARP = np.radians(40)  # angle of two faces of a mesh without normals from which on the edge between them is sharp
 ISLAND_MARGIN = 0.01  # between charts of a projection, share of the texture
 BEHIND = 1e-4  # how far before a point its own surface may be hit, share of the mesh's extent
 PROJECTED = "Lightsphere"  # UVs of a mesh that had none
@@ -76,6 +76,7 @@ def load(path: Path, unit: float) -> list[bpy.types.Object]:
     meshes = [item for item in scene.objects if item.type == "MESH" and len(item.data.polygons)]
     if not meshes:
         raise LightsphereError(f"{path} holds no mesh with faces; export the surface, not its points or curves")
+    scene.view_layers[0].update()
     for item in scene.objects:
         if item.parent is None:
             item.matrix_world = Matrix.Scale(unit, 4) @ item.matrix_world

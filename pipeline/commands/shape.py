@@ -58,9 +58,14 @@ def shape(
         write_ply(output / "mesh.ply", relief(found))
         left_out = {name: found.notes[name] for name in LEFT_OUT if name in found.notes}
         figures.values.update(errors, **left_out)
+        if mesh:
+            figures.values["silhouette_overlap_pct"] = found.notes["silhouette_overlap_pct"]
         words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
         words = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"
-        figures.summary = words + "".join(f", {name} {count}" for name, count in left_out.items() if count)
+        words += "".join(f", {name} {count}" for name, count in left_out.items() if count)
+        figures.summary = words + (
+            f", silhouette_overlap_pct {found.notes['silhouette_overlap_pct']:.3g}" if mesh else ""
+        )
     _warn_of_changes(opened)
 
 

@@ -209,3 +209,38 @@ def test_a_unit_scales_the_file(folder: Path) -> None:
     np.testing.assert_allclose(scans.scan_of(scans.load(folder / "ball.obj", 0.001)).corners, 0.001 * whole, atol=1e-8)
     with pytest.raises(LightsphereError, match="does not exist"):
         scans.load(folder / "nowhere.glb", 1.0)
+
+
+def test_objects_slots_parents_and_shared_meshes_keep_their_places(tmp_path: Path) -> None:
+    scene = small_scenes.empty()
+    parent = bpy.data.objects.new("Parent", None)
+    parent.location.x = 3
+    scene.collection.objects.link(parent)
+    bpy.ops.mesh.primitive_cube_add(size=1)
+    cube = bpy.context.object
+    cube.parent = parent
+    for name in ("Sides", "Top"):
+        cube.data.materials.append(bpy.data.materials.new(name))
+    cube.data.polygons[0].material_index = 1
+    twin = bpy.data.objects.new("Twin", cube.data)
+    twin.location.y = 5
+    scene.collection.objects.link(twin)
+    with caught_output():
+        bpy.ops.wm.usd_export(filepath=str(tmp_path / "cubes.usdc"))
+    items = scans.load(tmp_path / "cubes.usdc", 2.0)
+    assert [slot for _, slot in scans.slots(items)] == [0, 1, 0, 1]
+    assert items[0].data != items[1].data
+    scan = scans.scan_of(items)
+    np.testing.assert_array_equal(np.bincount(scan.part), [10, 2, 10, 2])
+    centres = sorted(tuple(scan.corners[scan.part // 2 == i].mean(axis=(0, 1)).round(5)) for i in (0, 1))
+    assert centres == [(0, 10, 0), (6, 0, 0)]
+    assert np.ptp(scan.corners[scan.part < 2], axis=(0, 1)) == pytest.approx([2, 2, 2])
+    agree = np.einsum("tci,ti->tc", scan.normals, scan.surface_normals())
+    np.testing.assert_allclose(agree, 1, atol=1e-6)  # a cube's edges are sharp
+
+
+def test_a_mesh_without_normals_is_smooth_across_the_seams_of_its_uvs(folder: Path) -> None:
+    scan = scans.scan_of(scans.load(folder / "ball.ply", 1.0))  # PLY doubles the vertices of a seam
+    outwards = scan.corners - np.array([0.1, -0.1, 0.2])
+    outwards /= np.linalg.norm(outwards, axis=-1, keepdims=True)
+    assert np.degrees(np.arccos(np.clip(np.sum(outwards * scan.normals, axis=-1), -1, 1))).max() < 0.5
