@@ -17,6 +17,7 @@ from ..core.errors import LightsphereError
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
+from ..core.shape.photometric import recover as photometric
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from .stage import Figures, JsonFile, run_with_bar, settings_options
@@ -25,24 +26,32 @@ MeshFile = Annotated[
     Path | None,
     typer.Option("--mesh", help="take the shape from a mesh: PLY, OBJ, glTF or USD", metavar="FILE"),
 ]
+OF_BASES = ("bases", "objective", "start_explains_better", "nodes_seen", "held_out")
 LEFT_OUT = ("saturated_values", "broken_values")
 NAMED = 5  # changed pictures that a warning names
 
 
 @settings_options(ShapeSettings)
 def shape(
-    capture: Annotated[Path, typer.Argument(help="folder of a capture under lights on two nested surfaces")],
+    capture: Annotated[Path, typer.Argument(help="folder of a capture under known lights")],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the shape")],
     settings: ShapeSettings,
     mesh: MeshFile = None,
     mesh_unit: Annotated[float, typer.Option(help="length of the mesh's unit [m]", min=1e-9)] = 1.0,
     json: JsonFile = None,
 ) -> None:
-    """Recover the depth of every pixel, for any BRDF, by double covering."""
+    """Recover depth and normals of every pixel, for any BRDF; with acls, basis BRDFs and weight maps, too."""
     opened = Capture.open(capture)
     with Figures("shape", json) as figures:
         start = time.perf_counter()
-        found = _scanned(opened, mesh, mesh_unit, output) if mesh else run_with_bar(recover(opened, settings))
+        reflectance = None
+        if mesh:
+            found = _scanned(opened, mesh, mesh_unit, output)
+        elif settings.method == "double-sphere":
+            found = run_with_bar(recover(opened, settings))
+        else:
+            both = run_with_bar(photometric.recover(opened, settings))
+            found, reflectance = both.shape, both.reflectance
         figures.values["solve_seconds"] = time.perf_counter() - start
         found.notes["settings"] = dataclasses.asdict(settings)
         found.notes["capture"] = os.path.relpath(capture, output)
@@ -55,6 +64,10 @@ def shape(
         errors: dict[str, Any] = shape_errors(found, truth, opened.mask()) if truth is not None else {}
         found.notes["errors"] = errors
         found.save(output)
+        if reflectance is not None:
+            notes = {**reflectance.notes, "shape": "..", "capture": os.path.relpath(capture, output / "reflectance")}
+            dataclasses.replace(reflectance, notes=notes).save(output / "reflectance")
+            figures.values.update({key: reflectance.notes[key] for key in OF_BASES if key in reflectance.notes})
         write_ply(output / "mesh.ply", relief(found))
         left_out = {name: found.notes[name] for name in LEFT_OUT if name in found.notes}
         figures.values.update(errors, **left_out)

@@ -28,7 +28,9 @@ def depth_error_pct(shape: Shape, truth: Truth) -> NDArray[np.float64]:
     Returns
     -------
     (H, W) float64
-        ``100 |depth - true depth| / diameter`` [% of the object's diameter]; NaN where either is unknown.
+        ``100 |depth - true depth| / diameter`` [% of the object's diameter]; NaN where either is unknown. Where normals
+        alone gave the surface (``notes["level"]`` is ``"open"``) its scale (pinhole) or shift (orthographic), which
+        they do not tell, is first set to the true one in the median.
 
     Raises
     ------
@@ -44,7 +46,13 @@ def depth_error_pct(shape: Shape, truth: Truth) -> NDArray[np.float64]:
             f"the shape has {shape.depth.shape[1]}x{shape.depth.shape[0]} pixels, the truth "
             f"{truth.depth.shape[1]}x{truth.depth.shape[0]}; compare a shape with the capture it was made from"
         )
-    error = np.abs(shape.depth.astype(np.float64) - truth.depth)
+    depth = shape.depth.astype(np.float64)
+    if shape.notes.get("level") == "open" and np.isfinite(depth * truth.depth).any():
+        if shape.camera.model == "pinhole":
+            depth = depth * np.nanmedian(truth.depth / depth)
+        else:
+            depth = depth + np.nanmedian(truth.depth - depth)
+    error = np.abs(depth - truth.depth)
     return np.asarray(100.0 * error / truth.diameter)
 
 

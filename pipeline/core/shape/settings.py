@@ -6,15 +6,34 @@ from dataclasses import dataclass
 
 from ..settings import setting
 
-METHODS = ("double-sphere",)
+METHODS = ("double-sphere", "acls", "lambertian")
+COLOURS = ("bases", "weights")
 OBJECTIVES = ("joint", "source")
 
 
 @dataclass(frozen=True)
 class ShapeSettings:
-    """How depth is recovered; see :func:`pipeline.core.shape.double_sphere.recover`."""
+    """How shape is recovered; see :mod:`pipeline.core.shape.double_sphere` and :mod:`pipeline.core.shape.photometric`.
 
-    method: str = setting("double-sphere", "how shape is recovered", choices=METHODS)
+    ``objective``, ``candidates`` and ``min_lit`` belong to double covering.
+    """
+
+    method: str = setting(
+        "double-sphere",
+        "double-sphere: depth from lights on two surfaces; acls: normals, basis BRDFs and weight maps from known "
+        "lights (on two surfaces depth, too); lambertian: normals by robust photometric stereo",
+        choices=METHODS,
+    )
+    bases: int = setting(3, "most basis BRDFs that acls tells apart", low=1, high=4)
+    colour: str = setting("bases", "where acls puts the colour: into the basis BRDFs or the weights", choices=COLOURS)
+    rounds: int = setting(10, "most rounds of acls once it has settled which values to trust", low=1, high=1000)
+    held_out: int = setting(
+        0,
+        "acls keeps every so many-th light from the fit to state the error on, 0: none",
+        unit="lights",
+        high=1000,
+        low=0,
+    )
     objective: str = setting(
         "joint",
         "joint: one reflectance function fitted to both surfaces with the depth as an unknown; "
