@@ -59,3 +59,17 @@ NOISE_FLOOR = 0.3
 # Azimuth by symmetry, times the sine of the slant [degrees]: a picture under 150 lights, some 11 degrees apart, is
 # interpolated linearly between three of them.
 AZIMUTH = 0.1
+
+# Relighting
+# A Blender light against the emitters it becomes, on a Lambertian floor, over the largest radiance: float32 for points;
+# for areas Cycles' noise at 256 samples and the sum of 64 elements instead of an integral.
+RELIT_POINT = 2e-4
+RELIT_AREA = 0.02
+# A light of the capture gives its picture back: float32 ratios times float32 weights.
+RELIT_KEPT = 2e-6
+# Lambert on exact depth: float32 depth of some 5 m against lights 1 m away, and the floor under the expectation.
+RELIT_LAMBERT = 2e-3
+# One planted GGX lobe, of a width between two of the model's, under 80 lights.
+RELIT_GLOSSY = 0.05
+# The sum of 256 directions instead of an integral over the hemisphere.
+RELIT_SKY = 0.02

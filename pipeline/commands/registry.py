@@ -11,6 +11,7 @@ from .import_ import import_photographs
 from .material import material
 from .plan import plan
 from .reflectance import reflectance
+from .relight import relight
 from .scenes import scenes
 from .shape import shape
 from .tradeoff import tradeoff
@@ -27,5 +28,6 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(shape)
     app.command()(reflectance)
     app.command()(material)
+    app.command()(relight)
     app.command()(compare)
     app.command()(tradeoff)

@@ -18,6 +18,9 @@ from .lights import Lights
 from .progress import finish
 from .reflectance import ReflectanceSettings
 from .reflectance.fit import fit
+from .relight import INTERPOLATIONS, RelightSettings
+from .relight.emitters import point
+from .relight.render import prepare, relit
 from .rig import sphere
 from .shape.double_sphere import recover
 from .shape.settings import OBJECTIVES, ShapeSettings
@@ -27,12 +30,15 @@ LIGHTS = (60, 30)
 
 
 def main() -> None:
-    """Solve shape and reflectance of the ball by every objective."""
+    """Solve shape and reflectance of the ball by every objective, and relight it by every interpolation."""
     with tempfile.TemporaryDirectory() as folder:
         capture = drawn(Path(folder))
         for objective in OBJECTIVES:
             shape = finish(recover(capture, dataclasses.replace(ShapeSettings(), objective=objective)))
         finish(fit(shape, capture, ReflectanceSettings()))
+        for interpolation in INTERPOLATIONS:
+            prepared = finish(prepare(capture, shape, RelightSettings(interpolation=interpolation)))
+            finish(relit(prepared, [point([1.0, 2.0, 1.5], [1.0] * 3)]))
 
 
 def drawn(folder: Path) -> Capture:

@@ -1,0 +1,158 @@
+"""`lightsphere relight`: pictures under new lights, from the capture itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from ..core import images, light_file
+from ..core.capture import Capture
+from ..core.errors import LightsphereError
+from ..core.relight import RelightSettings, emitters, environment
+from ..core.relight.emitters import Emitter
+from ..core.relight.film import moving_light
+from ..core.relight.render import check_outside, prepare, relit
+from ..core.shape import Shape
+from .reflectance import capture_of
+from .stage import Figures, JsonFile, run_with_bar, settings_options
+
+FRAMES = 72
+PER_SECOND = 24
+
+
+@settings_options(RelightSettings)
+def relight(
+    folder: Annotated[
+        Path, typer.Argument(help="folder of a shape, which names its capture; a capture for its true depth")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="folder of the pictures")],
+    settings: RelightSettings,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='a near light, "X Y Z" or "X Y Z I" [m, W/sr]; give it again for more', metavar='"X Y Z [I]"'
+        ),
+    ] = None,
+    distant: Annotated[
+        list[str] | None,
+        typer.Option(help='a distant light, "X Y Z" or "X Y Z E": direction to it, irradiance', metavar='"X Y Z [E]"'),
+    ] = None,
+    environment_map: Annotated[
+        Path | None, typer.Option("--environment", help="an equirectangular map, .exr or .hdr")
+    ] = None,
+    lights: Annotated[Path | None, typer.Option(help="a list of lights; one picture under each")] = None,
+    scene: Annotated[Path | None, typer.Option(help="a .blend, every light of which shines as it does there")] = None,
+    film: Annotated[
+        bool, typer.Option("--film", help="a film of a light that comes from infinity, turns by 90 degrees and leaves")
+    ] = False,
+    true_depth: Annotated[
+        bool, typer.Option("--true-depth", help="the folder is a capture: take the true depth, to compare with")
+    ] = False,
+    json: JsonFile = None,
+) -> None:
+    """Make pictures of a captured object under new lights, shadows and interreflection included, without tracing a ray.
+
+    All lights of the options shine together in relit.exr and relit.png; --lights and --film make a picture each.
+    """
+    with Figures("relight", json) as figures:
+        capture, shape = opened(folder, true_depth)
+        together = asked_for(capture, point or [], distant or [], environment_map, scene)
+        listed = of_list(lights, capture) if lights is not None else []
+        moving = moving_light(shape.camera, shape.points()[np.isfinite(shape.depth)], FRAMES) if film else []
+        if not (together or listed or moving):
+            raise LightsphereError(
+                "no light is given; use --point, --distant, --environment, --lights, --scene or --film"
+            )
+        check_outside(shape, [*together, *listed, *moving])
+        prepared = run_with_bar(prepare(capture, shape, settings))
+        output.mkdir(parents=True, exist_ok=True)
+        if together:
+            write(output, ["relit"], [run_with_bar(relit(prepared, together))])
+        for prefix, emitters_in_turn in (("relit_", listed), ("film_", moving)):
+            pictures = [run_with_bar(relit(prepared, [one])) for one in emitters_in_turn]
+            write(output, [f"{prefix}{number:04d}" for number in range(len(pictures))], pictures)
+        if film:
+            from ..blender import film as blender
+
+            blender.encode(output, "film_", len(moving), output / "film.mp4", PER_SECOND)
+        count = bool(together) + len(listed) + len(moving)
+        figures.values.update(pictures=count, emitters=len(together) + len(listed) + len(moving))
+        figures.summary = f"{count} pictures in {output}" + (f", film.mp4 of {FRAMES} of them" if film else "")
+
+
+def opened(folder: Path, true_depth: bool) -> tuple[Capture, Shape]:
+    """Open a shape and its capture, or a capture with its true depth for a shape."""
+    if not true_depth:
+        shape = Shape.open(folder)
+        return capture_of(folder, shape), shape
+    capture = Capture.open(folder)
+    truth = capture.truth()
+    if truth is None or not np.isfinite(truth.depth).any():
+        raise LightsphereError(f"{folder} is a capture without true depth; give the folder of a shape made from it")
+    return capture, Shape(capture.camera, truth.depth, truth.normal, np.isfinite(truth.depth).astype(np.float32))
+
+
+def asked_for(
+    capture: Capture, points: Sequence[str], directions: Sequence[str], map_file: Path | None, scene: Path | None
+) -> list[Emitter]:
+    """Return the emitters of the options that shine together."""
+    found = [emitters.point(place, [strength or usual(capture, place)] * 3) for place, strength in map(four, points)]
+    found += [emitters.distant(towards, [strength or np.pi] * 3) for towards, strength in map(four, directions)]
+    if map_file is not None:
+        found += environment.emitters_of(read_map(map_file))
+    if scene is not None:
+        from ..blender import emitters as blender
+        from ..blender import scene as scenes
+
+        found += blender.of_scene(scenes.load(str(scene)))
+    return found
+
+
+def of_list(path: Path, capture: Capture) -> list[Emitter]:
+    """Return the emitters of a list of lights."""
+    centre = capture.lights.position.mean(axis=0)
+    listed = light_file.read(path, centre)
+    make = emitters.distant if listed.kind == "distant" else emitters.point
+    return [make(place, strength) for place, strength in zip(listed.position, listed.intensity, strict=True)]
+
+
+def four(words: str) -> tuple[list[float], float | None]:
+    """Read "X Y Z" or "X Y Z STRENGTH"."""
+    try:
+        numbers = [float(word) for word in words.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (3, 4) or not np.isfinite(numbers).all() or not np.any(numbers[:3]):
+        raise LightsphereError(f'{words!r} is no light; write "X Y Z" or "X Y Z STRENGTH" in quotes')
+    if len(numbers) == 4 and not numbers[3] > 0:
+        raise LightsphereError(f"{words!r} has no positive strength; correct the fourth number")
+    return numbers[:3], numbers[3] if len(numbers) == 4 else None
+
+
+def usual(capture: Capture, place: Sequence[float]) -> float:
+    """Return the intensity under which a white Lambertian surface in the lights' middle reflects a radiance of 1."""
+    return float(np.pi * ((np.array(place) - capture.lights.position.mean(axis=0)) ** 2).sum())
+
+
+def read_map(path: Path) -> NDArray[np.float32]:
+    """Read an environment map."""
+    if path.suffix.lower() == ".exr":
+        return images.read_rgb(path)
+    from ..blender.pictures import read
+
+    return read(path).pixels
+
+
+def write(folder: Path, names: Sequence[str], pictures: Sequence[NDArray[np.float32]]) -> None:
+    """Write pictures as EXR and as PNG, all of one exposure."""
+    from ..report import style
+
+    exposure = style.exposure_for(np.stack(pictures)) if pictures else 1.0
+    for name, picture in zip(names, pictures, strict=True):
+        images.write_rgb(folder / f"{name}.exr", picture)
+        images.write_bytes(folder / f"{name}.png", style.picture_png(style.display(picture, exposure)))
