@@ -84,7 +84,8 @@ class Bivariate:
                 share = share_h * share_d
                 value += share[:, None, None] * self.table[row, column]
                 reached &= (self.seen[row, column] > 0) | (share[:, None] < 1e-3)
-        f = np.einsum("nks,nkm->nsm", value, np.asarray(weights, np.float64)).reshape(len(i), -1)
+        f = np.einsum("nks,nkm->nsm", value, np.asarray(weights, np.float64))
+        f = f.reshape(len(i), f.shape[1] * f.shape[2])
         has = np.asarray(weights).max(axis=-1) > 0
         return np.broadcast_to(f, (len(i), 3)), np.asarray((reached | ~has).all(axis=1))
 
