@@ -41,6 +41,8 @@ JACOBIAN = 1e-5
 CLOSED_FORM = 1e-7
 # Walter's rational fit of Beckmann's Lambda is good to .35 %, of which light and viewer have one each.
 WALTER_LAMBDA = 0.01
+# The lobe of the least kappa, 1e-7, over Beckmann's: kappa x^2 / 2, x = 8 the exponent.
+LEAST_KAPPA = 1e-5
 # A planted depth without noise, [m] at some 5 m: where Levenberg-Marquardt ends.
 PLANTED_DEPTH = 1e-4
 # Depth on drawn float32 pictures, % of the diameter: float32 depths of 5 m hold 3e-5 % of 1.6 m. Lambda of the

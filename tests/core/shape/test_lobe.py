@@ -137,6 +137,23 @@ def test_a_small_kappa_is_beckmann(roughness: float) -> None:
     assert variation(lobe_values(lights, roughness, 0.1)[near] / true[near]) > 0.1
 
 
+@pytest.mark.parametrize("roughness", [0.2, 0.4])
+def test_the_least_kappa_is_beckmann_to_the_digits_of_float_pictures(roughness: float) -> None:
+    """Lights at one angle to the normal have one G, so that their values go as D alone."""
+    around = np.linspace(0, 2 * np.pi, 400)[:, None]
+    tangent, bitangent = np.reshape(lobe.tangents(*NORMAL), (2, 3))
+    mirror = float(oracles.dot(NORMAL, -RAY[3:]))
+    across = np.sqrt(1 - mirror**2) * (np.cos(around) * tangent + np.sin(around) * bitangent)
+    to_light = mirror * NORMAL + across
+    tan2 = 1 / oracles.dot(NORMAL, oracles.unit(to_light - RAY[3:])) ** 2 - 1
+    near = tan2 < 8 * roughness**4
+    assert near.sum() > 20 and np.ptp(tan2[near]) > 4 * roughness**4
+    true = np.exp(-tan2 / roughness**4) * (1 + tan2) ** 2
+    lights = np.ascontiguousarray(POINT + 2.0 * to_light)
+    assert variation((lobe_values(lights, roughness, lobe.KAPPA_RANGE[0]) / true)[near]) < tolerances.LEAST_KAPPA
+    assert variation((lobe_values(lights, roughness, 1e-3) / true)[near]) > 1e3 * tolerances.LEAST_KAPPA
+
+
 def test_the_lobe_is_one_where_half_vector_and_normal_meet() -> None:
     to_viewer = -RAY[3:]
     mirror = 2 * oracles.dot(NORMAL, to_viewer) * NORMAL - to_viewer
