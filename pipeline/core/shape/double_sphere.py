@@ -14,8 +14,8 @@ from ..errors import LightsphereError
 from ..progress import Work
 from . import Shape, source
 from .beyond_model import compare
-from .coarse_to_fine import Solution, Views, solve
-from .integration import integrate
+from .coarse_to_fine import Solution, Views, neighbours_at, solve
+from .integration import PAIR_ERROR, integrate
 from .joint import GLOSSY, NONE
 from .lobe import DEPTH, DIFFUSE, LOG_ALPHA, NX
 from .observations import noise_of, observe
@@ -23,7 +23,10 @@ from .settings import ShapeSettings
 from .tangents import disagreement
 
 OWN_ERROR = 3.0  # expected error over the deviation that the fit states for itself
-MOST_DOUBT = 10.0  # disagreement with neighbours never raises it by more than this: their normals err, too
+LEAST_SHARE = 0.5  # of its neighbours' deviations, below which no pixel's own is believed
+MOST_DOUBT = 3.0  # disagreement with neighbours never exceeds this many of it: curved surfaces disagree, too
+TURN = 2.0  # error of a normal over the angle by which an error in depth turns the directions to the lights
+MOST_TURN = 0.5  # [rad], so that even pixels that know nothing follow from their neighbours
 NEAREST = 1e-3  # share of the surface's radius that stays free before the camera
 
 
@@ -128,21 +131,32 @@ def settle(
     """Return final depths and their expected errors, (P,) each [m]; NaN and infinite where not recovered.
 
     The expected error is made of the fit's own (its curvature, taken threefold since misfit is not independent from
-    light to light), of what fusion changed, and of the disagreement with the neighbours that is left. Not modelled:
-    pictures that were sampled beside the pixel centres.
+    light to light, and not for much less than the neighbours'), of the disagreement with the neighbours, and of what
+    fusion changed. Not modelled: pictures that were sampled beside the pixel centres; how much better than each of
+    them many doubtful depths are together.
     """
     solved = solution.kind != NONE
     depth = np.where(solved, solution.state[:, DEPTH], np.nan)
     normal = np.where(solved[:, None], solution.state[:, NX : NX + 3], np.nan)
-    own = OWN_ERROR * solution.deviation
-    pinhole = camera.model == "pinhole"
-    expected = expected_error(views, own, depth, normal, pinhole)
+    own = OWN_ERROR * believed(views.mask, solution.deviation)
+    expected = expected_error(views, own, depth, normal, camera.model == "pinhole")
     if not (fused and solved.any()):
         return depth, expected
     picture = _Pictures(views.mask, np.float64)
-    seen = picture(camera.normals_to_camera(normal))
-    settled = integrate(seen, views.mask, camera, depth=picture(depth), deviation=picture(expected))[views.mask]
-    return settled, np.hypot(expected_error(views, own, settled, normal, pinhole), settled - depth)
+    seen, trust = picture(camera.normals_to_camera(normal)), picture(normal_confidence(views, expected))
+    settled = integrate(seen, views.mask, camera, trust, picture(depth), picture(expected))[views.mask]
+    return settled, np.hypot(expected, settled - depth)
+
+
+def believed(mask: NDArray[np.bool_], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return stated deviations (P,), raised to a share of the median in a square of three by three pixels.
+
+    A fit that has run into a limit, or found an accidental minimum, states almost none.
+    """
+    around = neighbours_at(mask, np.arange(len(deviation)), 1)
+    theirs = np.where((around >= 0) & np.isfinite(deviation[around]), deviation[around], np.nan)
+    usual = np.nanmedian(np.column_stack([theirs, deviation]), axis=1)
+    return np.asarray(np.maximum(deviation, LEAST_SHARE * usual))
 
 
 def expected_error(
@@ -151,6 +165,16 @@ def expected_error(
     """Return the expected error (P,) [m] of depths that have one of their own and neighbours to disagree with."""
     apart = disagreement(views.mask, views.rays, depth, normal, pinhole)
     return np.hypot(own, np.minimum(apart, MOST_DOUBT * own))
+
+
+def normal_confidence(views: Views, expected: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far the normals of depths with an expected error (P,) [m] are to be believed, (P,), 0 to 1.
+
+    A wrong depth sees the lights in wrong directions, by the error over the lights' distance, and the normal turns
+    with them. That angle adds to the one by which neighbours' tangent planes miss each other anyway.
+    """
+    turn = np.minimum(TURN * expected / (0.5 * (views.far - views.near)), MOST_TURN)
+    return np.asarray(1.0 / (1.0 + (turn / PAIR_ERROR) ** 2))
 
 
 def as_shape(

@@ -14,8 +14,9 @@ from pipeline.core.compare import normal_error_deg, shape_errors
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.rig import TURN, hemisphere, sphere
-from pipeline.core.shape import Shape
-from pipeline.core.shape.double_sphere import check_lights, depth_limits
+from pipeline.core.shape import Shape, double_sphere
+from pipeline.core.shape.coarse_to_fine import Solution, Views
+from pipeline.core.shape.double_sphere import check_lights, depth_limits, settle
 from tests import drawn, synthetic, tolerances
 
 BALL = synthetic.ball(synthetic.camera(14))
@@ -229,6 +230,31 @@ def test_confidence_ranks_planted_errors() -> None:
     assert figures["confidence_high_p95_pct"] > 0.5 * figures["confidence_low_p95_pct"]
 
 
+@pytest.mark.parametrize("turn", [double_sphere.TURN, 0.0])
+def test_doubtful_normals_do_not_tilt_the_surface(turn: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plane whose right half has doubtful depths and turned normals; the negative control believes the normals."""
+    monkeypatch.setattr(double_sphere, "TURN", turn)
+    size, stated = 48, 0.03
+    true = synthetic.plane(synthetic.camera(size), np.array([0.0, 0.0, 1.0]))
+    mask = np.ones((size, size), bool)
+    rays, depth = drawn.rays_of(true.camera, mask), true.depth[mask].astype(np.float64)
+    doubtful = np.arange(size * size) % size >= size // 2
+    solution = Solution.empty(size * size)
+    solution.kind[:] = 1
+    solution.deviation[:] = np.where(doubtful, stated, 1e-5)
+    noise = solution.deviation * np.random.default_rng(8).standard_normal(size * size)
+    solution.state[:, 0] = depth + noise
+    angle = np.where(doubtful, 0.15, 0.0)
+    solution.state[:, 1:4] = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    nothing = np.zeros((size * size, 0), np.float32)
+    views = Views(mask, rays, depth - 2, depth + 2, nothing, np.zeros((0, 3)), np.zeros(size * size), False)
+    settled, expected = settle(views, solution, true.camera, True)
+    error = np.abs(settled - depth)
+    assert (error[~doubtful] < 1e-4).all()
+    assert (error < expected).mean() > 0.95
+    assert (np.median(error[doubtful]) < 0.5 * stated) == (turn > 0)
+
+
 def test_pictures_in_steps_above_most_values_are_trusted_as_far_as_they_go() -> None:
     capture = drawn.draw(BALL, drawn.two_spheres(160, 40), drawn.ggx)
     step = float(np.median(painted(capture)[painted(capture) > 0])) / 0.9
@@ -237,10 +263,12 @@ def test_pictures_in_steps_above_most_values_are_trusted_as_far_as_they_go() -> 
     known = np.isfinite(found.depth)
     assert known.sum() == np.isfinite(BALL.depth).sum()
     assert (abs(found.depth - BALL.depth) < 2 * found.layers["expected_error"])[known].all()
-    # The negative control: steps that are not recognised, their middles taken for values.
+    # The negative control: steps that are not recognised, their middles taken for values, by each pixel alone.
     uneven = 1 + 1e-3 * np.random.default_rng(5).standard_normal(coarse.shape)
-    hidden = drawn.solved(repainted(capture, (coarse * uneven).astype(np.float32)))
-    assert np.median(drawn.errors(found, BALL)) < 0.7 * np.median(drawn.errors(hidden, BALL))
+    alone = drawn.solved(repainted(capture, coarse), fuse=False)
+    hidden = drawn.solved(repainted(capture, (coarse * uneven).astype(np.float32)), fuse=False)
+    assert np.median(drawn.errors(alone, BALL)) < 0.7 * np.median(drawn.errors(hidden, BALL))
+    assert np.median(drawn.errors(found, BALL)) < 0.9 * np.median(drawn.errors(alone, BALL))
 
 
 # Lights that cannot be used ------------------------------------------------------------------------------------------
