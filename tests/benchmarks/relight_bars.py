@@ -136,13 +136,16 @@ def frame(cache: Path) -> str:
     large = repeated(prepared, 4)
     finish(relit(large, [point([2.0, -1.0, 2.0], [1.0] * 3)]))
     seconds = []
+    processor = time.process_time()
     for x in np.linspace(-2, 2, 20):
         start = time.perf_counter()
         finish(relit(large, [point([float(x), -2.0, 2.0], [1.0] * 3)]))
         seconds.append(time.perf_counter() - start)
+    processor = (time.process_time() - processor) / len(seconds)
+    wall = float(np.median(seconds))
     return (
-        f"512x512, {len(large.stack.points)} object pixels, 400 lights, {os.cpu_count()} cores: "
-        f"{np.median(seconds):.3f} s a frame (bar {FRAME_BAR})  {'yes' if np.median(seconds) <= FRAME_BAR else 'no'}"
+        f"512x512, {len(large.stack.points)} object pixels, 400 lights: {wall:.3f} s a frame (bar {FRAME_BAR}) on "
+        f"{os.cpu_count()} cores, {processor:.3f} s of processor time  {'yes' if wall <= FRAME_BAR else 'no'}"
     )
 
 

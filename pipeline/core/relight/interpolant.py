@@ -31,6 +31,7 @@ RING = 2  # pixels about one that say where a shadow's edge runs
 SPREAD = 3.0  # pixels that count as one spacing of directions
 SOFTEN = 0.03  # keeps a light that coincides with the new one from ruling the regression's slope alone
 RIDGE = 1e-3
+BLOCK = 64  # pixels that one thread takes at a time
 MEET = 1e-9  # squared distance of directions below which lights are the same
 
 
@@ -47,17 +48,29 @@ def keep_nearest(nearest: Any, distances: Any, light: Any, distance: Any) -> Non
 
 
 @kernel
-def find_nearest(point: Any, u: Any, lights: Any, kinds: Any, facing: Any, nearest: Any, distances: Any) -> None:
-    """Fill the nearest lights and their squared distances on the unit sphere; of the facing lights, or of the unlit."""
+def find_nearest(  # type: ignore[no-untyped-def]
+    point, u, lights, axes, kinds, facing, cosines, nearest, distances
+):
+    """Fill the nearest lights and their squared distances on the unit sphere; of the facing lights, or of the unlit.
+
+    ``axes`` (3, L) are the lights in single precision: the processor compares several at once.
+    """
     nearest[:] = -1
     distances[:] = np.inf
     last = len(nearest) - 1
-    for i in range(len(kinds)):
-        x, y, z = lights[i, 0] - point[0], lights[i, 1] - point[1], lights[i, 2] - point[2]
-        cosine = (x * u[0] + y * u[1] + z * u[2]) / math.sqrt(x * x + y * y + z * z)
-        distance = 2.0 - 2.0 * cosine
-        if distance < distances[last] and (kinds[i] != AWAY if facing else kinds[i] != LIT):
-            keep_nearest(nearest, distances, i, max(distance, 0.0))
+    px, py, pz = np.float32(point[0]), np.float32(point[1]), np.float32(point[2])
+    ux, uy, uz = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
+    for i in range(len(cosines)):
+        x, y, z = axes[0, i] - px, axes[1, i] - py, axes[2, i] - pz
+        cosines[i] = (x * ux + y * uy + z * uz) / np.sqrt(x * x + y * y + z * z)
+    lowest = np.float32(-2.0)
+    for i in range(len(cosines)):
+        if cosines[i] > lowest and (kinds[i] != AWAY if facing else kinds[i] != LIT):
+            x, y, z = lights[i, 0] - point[0], lights[i, 1] - point[1], lights[i, 2] - point[2]
+            cosine = (x * u[0] + y * u[1] + z * u[2]) / math.sqrt(x * x + y * y + z * z)
+            if 2.0 - 2.0 * cosine < distances[last]:
+                keep_nearest(nearest, distances, i, max(2.0 - 2.0 * cosine, 0.0))
+                lowest = np.float32(1.0 - 0.5 * distances[last] - 1e-6)
 
 
 @kernel
@@ -67,12 +80,12 @@ def weight_of(distance: Any, widest: Any) -> Any:
 
 @kernel
 def first_unknown(matrix: Any, right: Any) -> Any:
-    """Return the first unknown of a positive definite system, eliminating the others from the last on, in place."""
+    """Return the first unknown of a positive definite system, its upper half given, by elimination in place."""
     for a in range(len(right) - 1, 0, -1):
         for b in range(a):
             share = matrix[b, a] / matrix[a, a]
-            for c in range(a):
-                matrix[b, c] -= share * matrix[a, c]
+            for c in range(b, a):
+                matrix[b, c] -= share * matrix[c, a]
             right[b] -= share * right[a]
     return right[0] / matrix[0, 0]
 
@@ -113,8 +126,8 @@ def visibility(  # type: ignore[no-untyped-def]
             row[2] = (to[0] * bx + to[1] * by + to[2] * bz) * scale
             row[3], row[4] = offsets[n, 0] / SPREAD, offsets[n, 1] / SPREAD
             for a in range(5):
-                for b in range(5):
-                    matrix[a, b] += weight * row[a] * row[b]
+                for b in range(a + 1):
+                    matrix[b, a] += weight * row[a] * row[b]
                 if kinds[q, i] == LIT:
                     right[a] += weight * row[a]
     for a in range(1, 5):
@@ -191,51 +204,57 @@ def add_light(  # type: ignore[no-untyped-def]
     out : (P, 3) float64
         Added to.
     """
-    for p in prange(len(points)):
+    axes = lights.T.astype(np.float32)
+    for block in prange((len(points) + BLOCK - 1) // BLOCK):
         u, row = np.empty(3), np.empty(COLUMNS)
         nearest, distances = np.empty(NEAREST + 1, np.int64), np.empty(NEAREST + 1)
-        if distant:
-            u[:] = place
-        else:
-            direction(points[p], place, u)
-        columns(normals[p], views[p], u, row)
-        facing = row[0] > 0.0
-        find_nearest(points[p], u, lights, kinds[p], facing, nearest, distances)
-        widest = distances[NEAREST] if nearest[NEAREST] >= 0 else 4.0
-        lit, dark = 0.0, 0.0
-        ratio, fill = np.zeros(3), np.zeros(3)
-        for j in range(NEAREST):
-            i = nearest[j]
-            if i < 0:
-                break
-            weight = weight_of(distances[j], widest)
-            if kinds[p, i] == LIT:
-                lit += weight
-                for k in range(3):
-                    ratio[k] += weight * values[p, i, k]
+        cosines = np.empty(len(lights), np.float32)
+        matrix, right, ratio, fill = np.empty((5, 5)), np.empty(5), np.empty(3), np.empty(3)
+        for p in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
+            if distant:
+                u[:] = place
             else:
-                dark += weight
-                for k in range(3):
-                    fill[k] += weight * values[p, i, k]
-        if not facing or lit <= 0.0:
-            visible = 0.0
-        elif dark <= 0.0:
-            visible = 1.0
-        elif distances[0] < MEET:
-            visible = 1.0 if kinds[p, nearest[0]] == LIT else 0.0
-        else:
-            matrix, right = np.empty((5, 5)), np.empty(5)
-            visible = visibility(p, u, points, lights, kinds, around, offsets, reach, nearest, widest, matrix, right)
-        for k in range(3):
-            value = 0.0
-            if visible > 0.0:
-                model = 0.0
-                for a in range(COLUMNS):
-                    model += weights[p, a, k] * row[a]
-                value += visible * (model + weights[p, COLUMNS, k]) * ratio[k] / lit
-            if visible < 1.0 and dark > 0.0:
-                value += (1.0 - visible) * fill[k] / dark
-            out[p, k] += value * arriving[p, k]
+                direction(points[p], place, u)
+            columns(normals[p], views[p], u, row)
+            facing = row[0] > 0.0
+            find_nearest(points[p], u, lights, axes, kinds[p], facing, cosines, nearest, distances)
+            widest = distances[NEAREST] if nearest[NEAREST] >= 0 else 4.0
+            lit, dark = 0.0, 0.0
+            ratio[:] = 0.0
+            fill[:] = 0.0
+            for j in range(NEAREST):
+                i = nearest[j]
+                if i < 0:
+                    break
+                weight = weight_of(distances[j], widest)
+                if kinds[p, i] == LIT:
+                    lit += weight
+                    for k in range(3):
+                        ratio[k] += weight * values[p, i, k]
+                else:
+                    dark += weight
+                    for k in range(3):
+                        fill[k] += weight * values[p, i, k]
+            if not facing or lit <= 0.0:
+                visible = 0.0
+            elif dark <= 0.0:
+                visible = 1.0
+            elif distances[0] < MEET:
+                visible = 1.0 if kinds[p, nearest[0]] == LIT else 0.0
+            else:
+                visible = visibility(
+                    p, u, points, lights, kinds, around, offsets, reach, nearest, widest, matrix, right
+                )
+            for k in range(3):
+                value = 0.0
+                if visible > 0.0:
+                    model = 0.0
+                    for a in range(COLUMNS):
+                        model += weights[p, a, k] * row[a]
+                    value += visible * (model + weights[p, COLUMNS, k]) * ratio[k] / lit
+                if visible < 1.0 and dark > 0.0:
+                    value += (1.0 - visible) * fill[k] / dark
+                out[p, k] += value * arriving[p, k]
 
 
 @parallel_kernel
