@@ -23,6 +23,7 @@ from .relight.emitters import point
 from .relight.render import prepare, relit
 from .rig import sphere
 from .shape.double_sphere import recover
+from .shape.photometric import recover as photometric
 from .shape.settings import OBJECTIVES, ShapeSettings
 
 SIZE = 12
@@ -30,11 +31,24 @@ LIGHTS = (60, 30)
 
 
 def main() -> None:
+<<<<<<< HEAD
     """Solve shape and reflectance of the ball by every objective, and relight it by every interpolation."""
+=======
+    """Solve shape and reflectance of the ball by every objective and method."""
+>>>>>>> 7503642 (shape: Start from normals of unit length, weigh the two normals by their misfits; test acls)
     with tempfile.TemporaryDirectory() as folder:
         capture = drawn(Path(folder))
         for objective in OBJECTIVES:
             shape = finish(recover(capture, dataclasses.replace(ShapeSettings(), objective=objective)))
+        finish(photometric.recover(capture, dataclasses.replace(ShapeSettings(), method="acls")))
+        distant = dataclasses.replace(
+            capture, lights=dataclasses.replace(capture.lights, kind="distant", position=sphere(len(capture)))
+        )
+        finish(
+            photometric.recover(
+                distant, dataclasses.replace(ShapeSettings(), method="acls", start="symmetry", held_out=10)
+            )
+        )
         finish(fit(shape, capture, ReflectanceSettings()))
         for interpolation in INTERPOLATIONS:
             prepared = finish(prepare(capture, shape, RelightSettings(interpolation=interpolation)))

@@ -8,6 +8,7 @@ from ..settings import setting
 
 METHODS = ("double-sphere", "acls", "lambertian")
 COLOURS = ("bases", "weights")
+STARTS = ("lobe", "symmetry")
 OBJECTIVES = ("joint", "source")
 
 
@@ -26,6 +27,12 @@ class ShapeSettings:
     )
     bases: int = setting(3, "most basis BRDFs that acls tells apart", low=1, high=4)
     colour: str = setting("bases", "where acls puts the colour: into the basis BRDFs or the weights", choices=COLOURS)
+    start: str = setting(
+        "lobe",
+        "where acls begins: lobe fits a diffuse and a glossy lobe to every pixel; symmetry takes the azimuth about "
+        "which distant lights' pictures are symmetric, as Alldrin and Kriegman 2007 do",
+        choices=STARTS,
+    )
     rounds: int = setting(10, "most rounds of acls once it has settled which values to trust", low=1, high=1000)
     held_out: int = setting(
         0,

@@ -32,7 +32,7 @@ SMOOTH_H, SMOOTH_D, SLOPE_D = 1.0, 10.0, 1e-2  # times the squared misfit of the
 NOISE, LEAST_NOISE = 1e-3, 1e-6  # that squared misfit at the start, and at least
 STRAY = 0.0
 STEPS = 3
-PROMISING, LITTLE = 5.0, 0.02  # one basis is tried when merging several does not raise the misfit further,
+PROMISING, LITTLE = 5.0, 0.08  # one basis is tried when merging several does not raise the misfit further,
 AS_WELL = 6e-4  # and taken when its own misfit is above theirs by no more
 ENOUGH = 1e-3  # the last round lowers J by a smaller share than this
 LEAST_REFERENCE = 1e-3  # of the largest: what changes of a dark table's nodes are measured by
@@ -54,6 +54,8 @@ class Options:
         Nodes of the tables along theta_h and theta_d.
     rounds : int
         Most rounds after the certainty is settled.
+    by_symmetry : bool
+        Start from the azimuth by symmetry, as the source does.
     """
 
     bases: int = 3
@@ -61,6 +63,7 @@ class Options:
     nodes_h: int = 64
     nodes_d: int = 6
     rounds: int = 10
+    by_symmetry: bool = False
 
 
 @dataclass(frozen=True)
@@ -233,7 +236,7 @@ def decompose(sight: Sight, options: Options, normals: NDArray[np.float64] | Non
     ------
     Progress per roughness of the start and per round.
     """
-    start = yield from begin(sight, normals)
+    start = yield from begin(sight, normals, options.by_symmetry)
     state = Alternation(sight, start, options)
     objective = yield from _alternate(state, options, normals is None, "alternate")
     if state.shape[2] > 1:
@@ -276,12 +279,12 @@ def _between(state: Alternation, start: Start, objective: list[float]) -> Decomp
     """Take each pixel's normal between the start's and the tables', the nearer to the one that explains it better.
 
     The two models err in different ways: the tables hold for all pixels alike, the start's lobe for one. Weighted by
-    the inverse square of their misfits, the mean is better than either on most of what was tried, and where the
-    tables do not explain a pixel it falls back to the start.
+    the inverse of their misfits, the mean is better than either on most of what was tried, and where the tables do not
+    explain a pixel it falls back to the start.
     """
     own = state.misfit(state.normals, state.weights)
     deviation = state.deviation()
-    shares = [1.0 / np.maximum(misfit, LEAST_MISFIT) ** 2 for misfit in (start.misfit, own)]
+    shares = [1.0 / np.maximum(misfit, LEAST_MISFIT) for misfit in (start.misfit, own)]
     mean = shares[0][:, None] * start.normals + shares[1][:, None] * state.normals
     state.normals = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
     state.improve_pixels(0)

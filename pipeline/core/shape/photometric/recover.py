@@ -70,7 +70,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     if settings.method == "lambertian":
         return Recovered(_lambertian(capture, mask, sight, before), None)
     used, unseen = split(sight, settings.held_out)
-    options = Options(settings.bases, settings.colour, rounds=settings.rounds)
+    by_symmetry = settings.start == "symmetry"
+    options = Options(settings.bases, settings.colour, rounds=settings.rounds, by_symmetry=by_symmetry)
     known = None if before is None else seen_from(before.normal[mask].astype(np.float64), used, 0.0)
     found = yield from decompose(used, options, known)
     reflectance = as_reflectance(mask, found)

@@ -1,8 +1,11 @@
 """The start of the alternation: every pixel by itself, as a diffuse and one glossy lobe.
 
-Every roughness of a short list is tried from two normals, the robust Lambertian one and, since a mirror-like surface
-has no other, the half-way vector of the brightest lights. The lobe is ``D(theta_h) / (4 cos(theta_d)^2)`` with the
-GGX distribution D (Walter et al. 2007) and the shadowing of Kelemen and Szirmay-Kalos (2001): a bivariate BRDF.
+Every roughness of a short list is tried from two normals: the robust Lambertian one and, since a mirror has
+no other, the half-way vector of the brightest lights. The lobe is ``D(theta_h) / (4 cos(theta_d)^2)`` with the GGX
+distribution D (Walter et al. 2007) and the shadowing of Kelemen and Szirmay-Kalos (2001): a bivariate BRDF.
+
+The source's own start is there to compare with: the azimuth about which the pictures are symmetric, where that can be
+trusted, and the slant of the Lambertian normal.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from scipy.cluster.vq import kmeans2
 
 from ...progress import Progress, Work
 from ...reflectance.angles import difference_angles, half_angles
+from ..symmetry import azimuth, frames
 from . import lambertian
 from .pixel import misfit, noise_of, refine, settle
 from .sight import TINY, Sight
@@ -26,6 +30,7 @@ BRIGHTEST = 3  # lights whose half-way vectors are taken
 WIDTH = 0.07  # relative misfit at which a value counts half
 SEEN_AT = np.radians([0.0, 4.0, 8.0, 15.0, 30.0, 55.0])  # theta_h at which pixels are told apart
 FLOOR = 0.02
+TRUSTED = 0.3  # trust in the symmetry from which its azimuth is tried
 MATT = np.full((2, 1, 1, 1), 1 / np.pi)
 
 
@@ -56,25 +61,16 @@ class Start:
     features: NDArray[np.float64]
 
 
-def begin(sight: Sight, known: NDArray[np.float64] | None = None) -> Work[Start]:
+def begin(sight: Sight, known: NDArray[np.float64] | None = None, by_symmetry: bool = False) -> Work[Start]:
     """Fit a diffuse and one glossy lobe to every pixel, to known normals (P, 3) where they are given."""
     b = lambertian.robust(sight)
     length = np.linalg.norm(b, axis=1, keepdims=True)
     lambert = np.where(length > 0, b / np.maximum(length, 1e-30), np.nan)
     scale = sight.scale()
     pixels = len(lambert)
-    evenly = sight.usable / noise_of.py_func(sight.values.mean(axis=2) / scale[:, None]) / scale[:, None] ** 2
-    smooth = seen_from(np.where(np.isfinite(lambert), lambert, sight.views), sight)
-    matt = np.repeat(np.linalg.norm(np.nan_to_num(b), axis=1)[:, None, None], 3, axis=2) * np.pi
-    unshadowed = np.empty(evenly.shape, np.float32)
-    settle(*_geometry(sight), sight.values, sight.usable, scale, MATT, smooth, matt, 0.0, unshadowed)
     steps = STEPS if known is None else 0
-    candidates: tuple[tuple[NDArray[np.float64], NDArray[np.float32]], ...] = (
-        (smooth, unshadowed),
-        (half_way(sight), evenly.astype(np.float32)),
-    )
-    if known is not None:
-        candidates = tuple((known, certainty) for _, certainty in candidates)
+    candidates = _candidates(sight, b, scale, known, by_symmetry)
+    unshadowed = candidates[0][1]
     least, chosen = np.full(pixels, np.inf), np.zeros(pixels, np.int64)
     normals, weights = np.empty((pixels, 3)), np.empty((pixels, 2, 3))
     for number, alpha in enumerate(ALPHAS):
@@ -105,6 +101,37 @@ def begin(sight: Sight, known: NDArray[np.float64] | None = None) -> Work[Start]
         features[own] = np.log(np.pi * curve / albedo[own, None, None] + FLOOR).reshape(len(own), features.shape[1])
     yield Progress("start", len(ALPHAS) + 1, len(ALPHAS) + 1, "roughnesses")
     return Start(lambert, normals, certainty, least, albedo, features)
+
+
+def _candidates(
+    sight: Sight,
+    b: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    known: NDArray[np.float64] | None,
+    by_symmetry: bool,
+) -> list[tuple[NDArray[np.float64], NDArray[np.float32]]]:
+    """Return the normals (P, 3) to start from, each with a certainty (P, L) of the values."""
+    evenly = sight.usable / noise_of.py_func(sight.values.mean(axis=2) / scale[:, None]) / scale[:, None] ** 2
+    length = np.linalg.norm(b, axis=1, keepdims=True)
+    smooth = seen_from(np.where(length > 0, b / np.maximum(length, TINY), sight.views), sight)
+    matt = np.repeat(np.linalg.norm(np.nan_to_num(b), axis=1)[:, None, None], 3, axis=2) * np.pi
+    unshadowed = np.empty(evenly.shape, np.float32)
+    settle(*_geometry(sight), sight.values, sight.usable, scale, MATT, smooth, matt, 0.0, unshadowed)
+    if known is not None:
+        return [(known, unshadowed), (known, evenly.astype(np.float32))]
+    if by_symmetry and not sight.near:
+        return [(_symmetric(sight, smooth), unshadowed)]
+    return [(smooth, unshadowed), (half_way(sight), evenly.astype(np.float32))]
+
+
+def _symmetric(sight: Sight, smooth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normals with the azimuth of the pictures' symmetry, where that can be trusted."""
+    angle, trust = azimuth(sight.values.mean(axis=2), sight.lights, sight.views)
+    cosine = (smooth * sight.views).sum(axis=1)
+    sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+    turned = np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=-1)
+    normals = np.einsum("pij,pj->pi", frames(sight.views), turned)
+    return np.ascontiguousarray(np.where(trust[:, None] > TRUSTED, normals, smooth))
 
 
 def clusters(features: NDArray[np.float64], count: int) -> NDArray[np.int64]:
