@@ -80,7 +80,5 @@ RELIT_LAMBERT = 2e-3
 RELIT_GLOSSY = 0.05
 # The sum of 256 directions instead of an integral over the hemisphere.
 RELIT_SKY = 0.02
-# Mean angular error [degrees] of planted normals: the tables are linear between nodes, some 700 pixels and 80 lights.
-PLANTED_NORMAL = 0.5
 # Correlation of planted weight maps with those found: a basis may hold a little of another material.
 PLANTED_MAPS = 0.9

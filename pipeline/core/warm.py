@@ -31,11 +31,7 @@ LIGHTS = (60, 30)
 
 
 def main() -> None:
-<<<<<<< HEAD
-    """Solve shape and reflectance of the ball by every objective, and relight it by every interpolation."""
-=======
-    """Solve shape and reflectance of the ball by every objective and method."""
->>>>>>> 7503642 (shape: Start from normals of unit length, weigh the two normals by their misfits; test acls)
+    """Solve shape and reflectance of the ball by every objective and method, and relight it by every interpolation."""
     with tempfile.TemporaryDirectory() as folder:
         capture = drawn(Path(folder))
         for objective in OBJECTIVES:
