@@ -53,7 +53,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
         For lights that are too few, unknown or in one plane, or an empty mask.
     """
     check(capture)
-    mask = capture.mask()
+    mask = capture.mask().copy()
     if not mask.any():
         raise LightsphereError(f"{capture.folder}: no pixel shows the object; correct the mask or the camera")
     before = None
@@ -61,8 +61,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
         before = yield from by_double_sphere(capture, settings)
         mask = mask & np.isfinite(before.depth)
     sight = yield from see(capture, mask, None if before is None else before.depth)
-    lit = _lit(sight)
-    enough = lit >= FEWEST
+    enough = sight.lit().sum(axis=1) >= FEWEST
     if not enough.any():
         raise LightsphereError(f"{capture.folder}: no pixel is lit by {FEWEST} lights; look at the pictures")
     mask[mask] = enough
@@ -93,11 +92,6 @@ def check(capture: Capture) -> None:
         raise LightsphereError(
             f"{capture.folder}: all lights lie in one plane with the object; add one that stands out of it"
         )
-
-
-def _lit(sight: Sight) -> NDArray[np.int64]:
-    gray = sight.values.mean(axis=2)
-    return np.asarray(((gray > 0.02 * gray.max(axis=1, keepdims=True)) & (sight.usable > 0)).sum(axis=1))
 
 
 def _lambertian(capture: Capture, mask: NDArray[np.bool_], sight: Sight, before: Shape | None) -> Shape:

@@ -20,7 +20,7 @@ from ...progress import Progress, Work
 from ...reflectance.angles import difference_coordinate
 
 BAD_SHARE = 0.5  # a picture with more unusable pixels than this is damaged, not noisy
-DARK = 0.02  # of the pixel's largest value: below it a light counts as shadowed
+DARK = 0.02  # of the pixel's 90th percentile, which no highlight reaches: below it a light counts as shadowed
 TINY = 1e-12
 SOFT_BELOW = 0.9  # values above this share of the saturation are trusted less and less
 
@@ -58,10 +58,14 @@ class Sight:
         values, usable, points, views = (np.ascontiguousarray(row) for row in rows)
         return Sight(values, usable, self.lights, self.near, points, views)
 
+    def lit(self) -> NDArray[np.bool_]:
+        """Return which lights reach which pixels (P, L)."""
+        gray = np.where(self.usable > 0, self.values.mean(axis=2), 0.0)
+        return np.asarray(gray > DARK * np.quantile(gray, 0.9, axis=1, keepdims=True))
+
     def scale(self) -> NDArray[np.float64]:
         """Return a usual value of every pixel (P,) [1/sr]: the 80th percentile of the lit ones, tiny where none is."""
-        gray = np.where(self.usable > 0, self.values.mean(axis=2), 0.0)
-        lit = np.where(gray > DARK * gray.max(axis=1, keepdims=True, initial=0.0), gray, np.nan)
+        lit = np.where(self.lit(), self.values.mean(axis=2), np.nan)
         lit[np.isnan(lit).all(axis=1)] = TINY
         return np.asarray(np.nanquantile(lit, 0.8, axis=1), np.float64)
 

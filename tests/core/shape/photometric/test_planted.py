@@ -1,20 +1,24 @@
-"""Normals, tables and weight maps by alternating constrained least squares: planted ones come back."""
+"""Tables planted under alternating least squares come back, and what was drawn otherwise does not pass."""
 
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
 from pipeline.core.rig import hemisphere
 from pipeline.core.shape.photometric.acls import Decomposition, Options, decompose
-from pipeline.core.shape.photometric.recover import as_reflectance
+from pipeline.core.shape.photometric.recover import as_reflectance, recover
 from pipeline.core.shape.photometric.sight import Sight
+from pipeline.core.shape.settings import ShapeSettings
 from tests import oracles, synthetic, tolerances
+from tests.drawn import Drawn
 
 Array = NDArray[Any]
 LIGHTS = hemisphere(70)
@@ -63,12 +67,6 @@ def test_planted_normals_come_back(found: Decomposition) -> None:
     assert np.quantile(angles(found), 0.95) < 10 * tolerances.PLANTED_NORMAL
 
 
-def test_planted_weights_come_back(found: Decomposition) -> None:
-    amount = found.weights[..., 0]
-    correlation = np.abs(np.corrcoef(amount.T, SHARE)[:2, 2])
-    assert amount.shape[1] == 2 and correlation.min() > 0.999
-
-
 def test_planted_tables_come_back(found: Decomposition) -> None:
     """Relative RMS of f cos where the pictures reached the tables, each at the scale that fits best."""
     reflectance = as_reflectance(MASK, found)
@@ -89,16 +87,6 @@ def test_planted_tables_come_back(found: Decomposition) -> None:
     assert max(np.diag(errors).min(), np.diag(errors[::-1]).min()) > 3 * tolerances.PLANTED_TABLE  # not all alike
 
 
-def test_tables_fall_and_weights_are_not_negative(found: Decomposition) -> None:
-    assert found.table.min() >= 0 and found.weights.min() >= 0
-
-
-def test_objective_never_rises(found: Decomposition) -> None:
-    steps = np.diff(found.objective)
-    assert len(steps) > 2 and (steps <= 1e-9 * found.objective[0]).all()
-    assert found.objective[-1] < 0.9 * found.objective[0]
-
-
 def test_light_and_viewer_are_not_alike() -> None:
     """Pictures of f cos(theta_o) are no pictures of f cos(theta_i)."""
     assert np.median(angles(solved(seen(swapped=True)))) > 20 * tolerances.PLANTED_NORMAL
@@ -117,3 +105,29 @@ def test_scale_of_the_pictures_does_not_matter(found: Decomposition) -> None:
     sight = seen()
     bright = solved(dataclasses.replace(sight, values=sight.values * 1024))
     assert np.quantile(np.abs(bright.normals - found.normals), 0.95) < 1e-3
+
+
+def test_highlight_puts_no_other_light_in_shadow() -> None:
+    """A mirror's highlight is a thousand times what the other lights give; they are lit, and the usual value theirs."""
+    sight = seen()
+    values = np.ones_like(sight.values)
+    values[:, :3] = 1000
+    bright = dataclasses.replace(sight, values=values)
+    assert bright.lit().all()
+    assert (bright.scale() == 1).all()
+    values[:, 40:] = 0.01
+    assert not bright.lit()[:, 40:].any()
+
+
+def test_capture_keeps_its_mask() -> None:
+    """A pixel that no light reaches is left out of the result, not out of the capture."""
+    pictures = np.zeros((len(LIGHTS), *MASK.shape, 3), np.float32)
+    pictures[:, MASK] = seen().values.transpose(1, 0, 2)
+    dark = np.argwhere(MASK)[0]
+    pictures[:, dark[0], dark[1]] = 0
+    lights = Lights("distant", LIGHTS, np.ones_like(LIGHTS), np.full(len(LIGHTS), 2))
+    names = tuple(f"{i}.exr" for i in range(len(LIGHTS)))
+    capture = Drawn(Path("drawn"), BALL.camera, lights, names, ("",) * len(names), {}, pictures, MASK.copy())
+    shape = finish(recover(capture, ShapeSettings(method="lambertian"))).shape
+    assert np.isnan(shape.normal[tuple(dark)]).all()
+    assert (capture.mask() == MASK).all()
