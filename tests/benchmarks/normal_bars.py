@@ -19,7 +19,7 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -117,10 +117,8 @@ def main() -> None:
         for name, measure in rows(cache, chosen.data):
             if not chosen.names or any(name.startswith(wanted) for wanted in chosen.names):
                 measure(table, name)
-            elif name == "merl":
-                for wanted in chosen.names:
-                    if wanted.startswith("merl/"):
-                        merl(chosen.data, (wanted.removeprefix("merl/"),))(table, wanted)
+            elif name == "merl" and (some := [n.removeprefix("merl/") for n in chosen.names if n.startswith("merl/")]):
+                merl(chosen.data, some)(table, name)
     print("missed: " + ("; ".join(table.missed) or "none"))
 
 
@@ -223,7 +221,7 @@ def photographs(cache: Path, data: Path | None, path: str, limit: float) -> Row:
     return measure
 
 
-def merl(data: Path | None, names: tuple[str, ...] = ()) -> Row:
+def merl(data: Path | None, names: Sequence[str] = ()) -> Row:
     """Return the rows of the spheres of one measured-like material each: all of them where none is named."""
 
     def measure(table: Table, name: str) -> None:
@@ -245,7 +243,7 @@ def merl(data: Path | None, names: tuple[str, ...] = ()) -> Row:
             ("table, median over materials", 0.5, tables, 0.15),
         ):
             shown = table.bar(f"{name} {word}", float(np.quantile(values, quantile)), limit)
-            table.say(f"{len(values)} materials: {word} {shown}")
+            table.say(f"{len(values)} materials, {word} {shown}")
 
     return measure
 
