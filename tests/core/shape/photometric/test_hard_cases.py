@@ -1,17 +1,16 @@
-"""Planted normals, tables and weights, recovered from drawn pictures."""
+"""Shadows, saturation, colour in the weights, one material only: planted normals come back from drawn pictures."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from pipeline.core.progress import finish
 from pipeline.core.rig import hemisphere
 from pipeline.core.shape.photometric import lambertian
-from pipeline.core.shape.photometric.acls import Decomposition, Options, decompose
+from pipeline.core.shape.photometric.acls import Options, decompose
 from pipeline.core.shape.photometric.sight import Sight
 from tests.tolerances import PLANTED_MAPS, PLANTED_NORMAL
 
@@ -42,7 +41,7 @@ def draw(n: NDArray[np.float64], weights: NDArray[np.float64], lights: NDArray[n
     return (f * np.maximum(n @ lights.T, 0)[..., None]).astype(np.float32)
 
 
-def planted(lights: NDArray[np.float64] | None = None) -> tuple[Sight, NDArray[np.float64], NDArray[np.float64]]:
+def planted() -> tuple[Sight, NDArray[np.float64], NDArray[np.float64]]:
     """What a ball's pixels see, its normals, and its weights: shares of both materials in patches, some mixed."""
     n = normals()
     share = np.clip(0.5 + 2.0 * np.sin(5 * n[:, 0]) * np.cos(4 * n[:, 1]), 0, 1)
@@ -50,8 +49,7 @@ def planted(lights: NDArray[np.float64] | None = None) -> tuple[Sight, NDArray[n
     directions = hemisphere(LIGHTS)
     values = draw(n, weights, directions)
     views = np.broadcast_to(VIEW, n.shape).copy()
-    told = directions if lights is None else lights
-    sight = Sight(values, np.ones(values.shape[:2], np.float32), told, False, np.zeros_like(views), views)
+    sight = Sight(values, np.ones(values.shape[:2], np.float32), directions, False, np.zeros_like(views), views)
     return sight, n, weights
 
 
@@ -59,50 +57,15 @@ def angle(found: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.f
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(found, true), axis=1), (found * true).sum(axis=1)))
 
 
-@pytest.fixture(scope="module")
-def found() -> Decomposition:
-    return finish(decompose(planted()[0], Options(bases=2)))
-
-
-def test_the_objective_never_rises(found: Decomposition) -> None:
-    assert len(found.objective) > 2
-    assert (np.diff(found.objective) <= 1e-9 * found.objective[0]).all()
-    assert found.objective[-1] < found.objective[0]
-
-
-def test_planted_normals_are_recovered(found: Decomposition) -> None:
-    """And far better than by plain Lambertian least squares, which highlights mislead."""
-    sight, n, _ = planted()
-    error = angle(found.normals, n)
+def test_highlights_do_not_mislead() -> None:
+    """Far better than plain Lambertian least squares, and the weight maps follow the true ones."""
+    sight, n, weights = planted()
+    found = finish(decompose(sight, Options(bases=2)))
     b = lambertian.plain(sight)
-    assert error.mean() < PLANTED_NORMAL
-    assert angle(b / np.linalg.norm(b, axis=1, keepdims=True), n).mean() > 5 * error.mean()
-
-
-def test_planted_weights_are_recovered(found: Decomposition) -> None:
-    """Up to order and scale: every true map is followed by one of the found ones."""
-    _, _, weights = planted()
-    maps = found.weights[..., 0]
-    assert maps.shape[1] == 2
-    likeness = np.corrcoef(np.concatenate([weights, maps], axis=1).T)[:2, 2:]
+    plain = angle(b / np.linalg.norm(b, axis=1, keepdims=True), n)
+    assert plain.mean() > 5 * angle(found.normals, n).mean()
+    likeness = np.corrcoef(np.concatenate([weights, found.weights[..., 0]], axis=1).T)[:2, 2:]
     assert likeness.max(axis=1).min() > PLANTED_MAPS
-
-
-def test_tables_are_physical(found: Decomposition) -> None:
-    assert (found.table >= 0).all()
-    assert (np.diff(found.table, axis=0) <= 0).all()
-    assert (found.weights >= 0).all()
-    unseen = found.seen == 0
-    assert unseen.any() and not unseen.all()
-
-
-def test_a_wrong_light_list_is_noticed(found: Decomposition) -> None:
-    """Lights turned by 6 degrees about the vertical: the normals are off by as much, and the misfit grows."""
-    c, s = np.cos(np.radians(6.0)), np.sin(np.radians(6.0))
-    sight, n, _ = planted(hemisphere(LIGHTS) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]))
-    wrong = finish(decompose(sight, Options(bases=2)))
-    assert angle(wrong.normals, n).mean() > 5 * PLANTED_NORMAL
-    assert np.median(wrong.misfit) > 2 * np.median(found.misfit)
 
 
 def test_cast_shadows_are_left_out() -> None:
