@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from ..core.camera import Camera
 from ..core.errors import LightsphereError
-from ..core.reflectance import Reflectance
 from ..core.shape import Shape
 from ..core.shape.mesh import Mesh
 from . import cycles
 from .camera import add_camera
-from .materials import surface_material
+from .materials import Recovered, surface_material
 from .meshes import add_mesh
 
 LONGER_SIDE = 720  # pixels of the picture that F12 makes
@@ -26,7 +25,7 @@ SKY = (0.055, 0.06, 0.07)
 STUDIO = (("Key", (-0.7, 0.75, 1.0), 0.8, 1.0), ("Fill", (1.0, 0.1, 0.7), 1.6, 0.12))
 
 
-def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: str, overwrite: bool = False) -> None:
+def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Recovered, name: str, overwrite: bool = False) -> None:
     """Write an asset.blend that renders as it is opened; what is open in this Blender is replaced by it.
 
     Parameters
@@ -36,7 +35,7 @@ def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: 
     shape : Shape
         Gives the camera and, where they are known, the errors against truth.
     mesh : Mesh
-    reflectance : Reflectance
+    reflectance : Reflectance or Surface
     name : str
         Of the object.
     overwrite : bool
@@ -70,7 +69,7 @@ def save(path: Path) -> None:
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
 
 
-def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Reflectance, name: str) -> bpy.types.Object:
+def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Recovered, name: str) -> bpy.types.Object:
     """Add the asset to a scene with camera, light, sky and render settings; return the recovered object."""
     item = add_mesh(scene, name, mesh, surface_material(name, reflectance))
     for key, value in _figures(shape).items():

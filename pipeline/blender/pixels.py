@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 
 def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
@@ -15,8 +16,9 @@ def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
     Parameters
     ----------
     name : str
-    values : (H, W, 3) or (H, W) float
-        Linear, rows top-down, finite.
+    values : (H, W, 1 to 4) or (H, W) float
+        Linear, rows top-down, finite. One channel is grey; a second and third that are missing are 0; a fourth is kept
+        in alpha, beside the others and not multiplied into them.
 
     Returns
     -------
@@ -24,12 +26,29 @@ def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
         Without a colour space (Non-Color): a shader reads the very numbers.
     """
     height, width = values.shape[:2]
-    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
-    rgba = np.ones((height, width, 4), np.float32)
-    rgba[..., :3] = values if values.ndim == 3 else values[..., None]
+    values = values.reshape(height, width, -1)
+    channels = values.shape[2]
+    image = bpy.data.images.new(name, width, height, alpha=channels == 4, float_buffer=True, is_data=True)
+    image.alpha_mode = "CHANNEL_PACKED"
+    rgba = np.zeros((height, width, 4), np.float32)
+    rgba[..., 3] = 1.0
+    rgba[..., : max(channels, 3 * (channels == 1))] = values
     image.pixels.foreach_set(rgba[::-1].ravel())
     image.pack()
     return image
+
+
+def filled(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Give unknown texels the nearest known one's value: the texture filter reaches across the mesh's border.
+
+    Parameters
+    ----------
+    values : (H, W) or (H, W, C) float32
+        NaN where unknown; known somewhere.
+    """
+    known = np.isfinite(values if values.ndim == 2 else values[..., 0])
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(values[tuple(nearest)])
 
 
 def array(image: bpy.types.Image) -> NDArray[np.float32]:

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from ..core import images
 from ..core.errors import LightsphereError
-from ..core.reflectance import Reflectance
 from ..core.reflectance.bake import Visible, bake, texture_size
 from ..core.shape import Shape
 from ..core.shape.scan import Scan
 from . import asset, pixels, scans
-from .materials import surface_material
+from .materials import Recovered, surface_material
 
 
-def write(path: Path, shape: Shape, mesh: Path, reflectance: Reflectance, overwrite: bool = False) -> dict[str, Any]:
+def write(path: Path, shape: Shape, mesh: Path, reflectance: Recovered, overwrite: bool = False) -> dict[str, Any]:
     """Write an asset.blend with the user's mesh; what is open in this Blender is replaced by it.
 
     Every material slot that the pictures show gets a material of its own with textures in the mesh's UVs; others keep
@@ -35,7 +34,7 @@ def write(path: Path, shape: Shape, mesh: Path, reflectance: Reflectance, overwr
         Made by :func:`pipeline.blender.scans.shape_of`.
     mesh : Path
         The mesh's file.
-    reflectance : Reflectance
+    reflectance : Reflectance or Surface
         Of the shape's pixels.
     overwrite : bool
         Replace an existing file.
@@ -79,8 +78,8 @@ def write(path: Path, shape: Shape, mesh: Path, reflectance: Reflectance, overwr
 
 
 def _baked(
-    reflectance: Reflectance, shape: Shape, scan: Scan, size: int, visible: Visible
-) -> tuple[Reflectance, NDArray[np.float32]]:
+    reflectance: Recovered, shape: Shape, scan: Scan, size: int, visible: Visible
+) -> tuple[Recovered, NDArray[np.float32]]:
     """Return the reflectance in a texture space, and its confidence."""
     maps = {
         item.name: value
@@ -92,12 +91,13 @@ def _baked(
     ends = np.cumsum([plane.shape[-1] for plane in planes])
     parts = np.split(texture, ends[:-1], axis=-1)
     shaped = {
-        name: part if value.ndim == 3 else part[..., 0] for (name, value), part in zip(maps.items(), parts, strict=True)
+        name: part.reshape(size, size, *value.shape[2:])
+        for (name, value), part in zip(maps.items(), parts, strict=True)
     }
     return dataclasses.replace(reflectance, **shaped), confidence
 
 
-def _textured(name: str, reflectance: Reflectance, confidence: NDArray[np.float32]) -> bpy.types.Material:
+def _textured(name: str, reflectance: Recovered, confidence: NDArray[np.float32]) -> bpy.types.Material:
     """Return the material of a reflectance, with its confidence as an image that nothing reads."""
     material = surface_material(name, reflectance)
     nodes = material.node_tree.nodes

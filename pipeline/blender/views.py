@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from ..core.camera import Camera
 from ..core.lights import Lights
 from ..core.progress import Progress, Work
-from ..core.reflectance import Reflectance
 from ..core.shape.mesh import Mesh
 from . import asset, cycles, exr, lamps
 from .camera import add_camera
 from .geometry import BACKDROP
-from .materials import surface_material
+from .materials import Recovered, surface_material
 from .meshes import add_mesh
 
 STUDIO = {
@@ -30,7 +29,7 @@ STUDIO = {
 }
 
 
-def exchange(scene: bpy.types.Scene, mesh: Mesh, reflectance: Reflectance) -> bpy.types.Object:
+def exchange(scene: bpy.types.Scene, mesh: Mesh, reflectance: Recovered) -> bpy.types.Object:
     """Put the recovered object in the place of the scene's own, which is hidden; its surroundings stay."""
     for item in scene.objects:
         if item.type == "MESH" and not item.get(BACKDROP):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.blender import asset, pixels, views
 from pipeline.blender.camera import add_camera, camera_of
-from pipeline.blender.materials import GROUP, surface_group
+from pipeline.blender.single_lobe import GROUP, surface_group
 from pipeline.core.camera import Camera
 from pipeline.core.errors import LightsphereError
 from pipeline.core.progress import finish

@@ -89,6 +89,10 @@ class Bivariate:
         has = np.asarray(weights).max(axis=-1) > 0
         return np.broadcast_to(f, (len(i), 3)), np.asarray((reached | ~has).all(axis=1))
 
+    def basis(self, number: int) -> Basis:
+        """Return one of the K basis BRDFs as a function of two directions."""
+        return Basis(self, number)
+
     def angles(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return theta_h (TH,) and theta_d (TD,) of the nodes [rad]."""
         return half_angles(self.table.shape[0]), difference_angles(self.table.shape[1])
@@ -128,3 +132,18 @@ class Bivariate:
             return cls(table, seen, weights, channels["error.V"], notes)
         except (KeyError, TypeError, ValueError, OSError) as error:
             raise LightsphereError(f"{folder} is damaged ({error!r}); run the stage that made it again") from error
+
+
+@dataclass(frozen=True)
+class Basis:
+    """One basis BRDF in the frame of its surface (:class:`pipeline.core.brdf.Brdf`)."""
+
+    reflectance: Bivariate
+    number: int
+    isotropic = True
+
+    def evaluate(self, wi: NDArray[Any], wo: NDArray[Any]) -> NDArray[np.float64]:
+        """Return f [1/sr], (N, 3), for unit directions (N, 3); grey where the weights carry the colour."""
+        weights = np.zeros((len(wi), *self.reflectance.weights.shape[2:]))
+        weights[:, self.number] = 1.0
+        return self.reflectance.evaluate(weights, np.array([0.0, 0.0, 1.0]), wi, wo)[0]

@@ -1,0 +1,70 @@
+"""What a material costs to render, beside one Principled BSDF with the same textures."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.material import Mixture
+from ..core.material.surface import Surface
+from ..core.progress import Progress, Work
+from . import asset, cycles
+from .ball import ball_camera, ball_scene, dress
+from .camera import add_camera
+from .mixtures import mixture_material
+
+SIDE, SAMPLES, BOUNCES = 128, 16, 3
+REPEATS = 3
+TEXELS = 64
+
+
+def relative_cost(mixture: Mixture) -> Work[list[float]]:
+    """Render a sphere with the diffuse closure, then with one lobe more at a time; what is open is replaced.
+
+    Returns
+    -------
+    list of float
+        Seconds over those of one Principled BSDF that reads the same weight map, for 0, 1, .. lobes: light bounces
+        between sphere and sky. The least of a few turns, in which all materials are rendered one after the other.
+    """
+    scene, item = ball_scene()
+    add_camera(scene, ball_camera(SIDE))
+    random = np.random.default_rng(0)
+    weights = random.uniform(0, 1, (TEXELS, TEXELS, len(mixture.curves), 1)).astype(np.float32)
+    parts = [Mixture(mixture.lobes[:n], mixture.curves[:, :n]) for n in range(1, len(mixture.lobes) + 1)]
+    materials = [mixture_material(f"{len(part.lobes)}", Surface(part, weights)) for part in parts]
+    materials.append(_principled(materials[-1]))
+    seconds = np.full((REPEATS, len(materials)), np.inf)
+    transport = cycles.Transport(BOUNCES, samples=SAMPLES)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        cycles.measuring(scene, SIDE, transport),
+        cycles.changed(scene, {"world": asset.sky()}),
+        cycles.openexr(scene),
+    ):
+        for turn in range(REPEATS):
+            for number, material in enumerate(materials):
+                dress(item, material)
+                start = time.perf_counter()
+                cycles.render(scene, Path(folder) / "cost.exr")
+                seconds[turn, number] = time.perf_counter() - start
+                yield Progress("cost", turn * len(materials) + number + 1, seconds.size, "pictures")
+    least = seconds.min(axis=0)
+    return [float(s) for s in least[:-1] / least[-1]]
+
+
+def _principled(like: bpy.types.Material) -> bpy.types.Material:
+    """Return a Principled BSDF whose base colour is a material's texture."""
+    material = bpy.data.materials.new("Principled")
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    texture = nodes.new("ShaderNodeTexImage")
+    texture.image = next(node.image for node in like.node_tree.nodes if node.type == "TEX_IMAGE")
+    material.node_tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+    return material

@@ -1,0 +1,108 @@
+"""What a node material shows: bases as mixtures of closures, and how much of each every texel has."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..brdf import Brdf
+from ..progress import Work
+from ..reflectance.bivariate import Bivariate
+from . import Mixture
+from .energy import directional_albedo
+from .fit import fit
+
+FULL = 0.95  # share of a weight map's sum that lies in weights of at most 1
+TILE = 65536  # texels whose albedos are held at once
+
+
+@dataclass(frozen=True)
+class Surface:
+    """``f = sum_k w_k f_k`` at every texel, f_k of a mixture.
+
+    Parameters
+    ----------
+    mixture : Mixture
+        Of K bases.
+    weights : (H, W, K, M) float32
+        M = 1, or 3 where they carry the colour; NaN where nothing was recovered.
+    notes : dict
+        Errors that the material carries.
+    """
+
+    mixture: Mixture
+    weights: NDArray[np.float32]
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+def surface(reflectance: Bivariate, lobes: int) -> Work[Surface]:
+    """Return a recovered reflectance as closures that Cycles renders.
+
+    A basis and its weights are known up to a factor: it is chosen so that the full weight is 1, a basis being then a
+    material that an object could have.
+
+    Parameters
+    ----------
+    reflectance : Bivariate
+    lobes : int
+        Most glossy lobes, see :func:`.fit.fit`.
+
+    Raises
+    ------
+    LightsphereError
+        When a basis is black.
+    """
+    known = np.isfinite(reflectance.weights).all(axis=(2, 3))
+    full = np.array([_full(weights) for weights in reflectance.weights[known].max(axis=-1).T])
+    scaled = dataclasses.replace(
+        reflectance,
+        table=reflectance.table * full[:, None],
+        weights=(reflectance.weights / full[:, None]).astype(np.float32),
+    )
+    bases = [scaled.basis(k) for k in range(len(full))]
+    mixture = yield from fit(bases, lobes, fresnel=reflectance.weights.shape[3] == 1)
+    weights, lowered = _bounded(mixture, scaled.weights)
+    return Surface(mixture, weights, {**_figures(mixture), "texels_lowered": lowered})
+
+
+def uniform(brdfs: Sequence[Brdf], lobes: int) -> Work[Surface]:
+    """Return BRDFs as the bases of one material that shows the first alone, everywhere alike."""
+    mixture = yield from fit(brdfs, lobes)
+    weights = np.zeros((1, 1, len(brdfs), 1), np.float32)
+    weights[..., 0, :] = 1.0
+    return Surface(mixture, weights, _figures(mixture))
+
+
+def _full(weights: NDArray[np.float32]) -> float:
+    """Return the weight (P,) that becomes 1: few wrong pixels do not set it, nor is a basis of few pixels lost."""
+    ascending = np.sort(weights.astype(np.float64))
+    total = np.cumsum(ascending)
+    return float(ascending[np.searchsorted(total, FULL * total[-1])]) or 1.0
+
+
+def _bounded(mixture: Mixture, weights: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
+    """Lower the weights of texels that would return more light than they receive; return their share, too."""
+    albedo = directional_albedo(mixture.evaluate)  # (C, K, 3)
+    flat = weights.reshape(-1, *weights.shape[2:]).copy()
+    lowered = 0
+    for start in range(0, len(flat), TILE):
+        part = flat[start : start + TILE]
+        most = np.einsum("cks,pkm->pcsm" if part.shape[2] == 1 else "cks,pks->pcs", albedo, part)
+        most = most.reshape(len(part), -1).max(axis=1)
+        over = most > 1
+        part[over] /= most[over, None, None]
+        lowered += int(over.sum())
+    return flat.reshape(weights.shape), lowered / max(int(np.isfinite(flat[:, 0, 0]).sum()), 1)
+
+
+def _figures(mixture: Mixture) -> dict[str, Any]:
+    names = ("material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_lobes")
+    return {name: mixture.notes[name] for name in names} | {
+        "model": "mixture of closures",
+        "lobes": [f"{lobe.kind} {lobe.roughness:.3g}" for lobe in mixture.lobes],
+    }
