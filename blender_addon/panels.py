@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
-from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import properties, stages
 
@@ -102,7 +102,7 @@ class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_material"
     bl_label = "Material"
     stage = "material"
-    settings_type = ReflectanceSettings
+    settings_type = MaterialSettings
 
     def draw_input(self, context: bpy.types.Context) -> None:
         self.layout.prop(properties.of(context.scene), "shape_folder")

@@ -5,15 +5,15 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
-from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import settings
 
 LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture")
 LIGHTSPHERE_PG_import_photographs = settings.group(ImportSettings, "LIGHTSPHERE_PG_import_photographs")
 LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
-LIGHTSPHERE_PG_material = settings.group(ReflectanceSettings, "LIGHTSPHERE_PG_material")
+LIGHTSPHERE_PG_material = settings.group(MaterialSettings, "LIGHTSPHERE_PG_material")
 
 
 class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):

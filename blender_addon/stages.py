@@ -10,8 +10,8 @@ import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
-from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import preferences, properties, results, settings, worker
 from .task import Task
@@ -122,7 +122,7 @@ class Material(Stage):
         return "" if (absolute(folder) / "shape.json").is_file() else "No recovered shape is there"
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        chosen = settings.values(properties.of(scene).material, ReflectanceSettings)
+        chosen = settings.values(properties.of(scene).material, MaterialSettings)
         shape = absolute(properties.of(scene).shape_folder)
         return ["material", str(shape), "-o", str(folder / results.ASSET), *settings.options(chosen)]
 

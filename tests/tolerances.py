@@ -91,3 +91,7 @@ QUADRATURE = 0.012
 PLANTED_MIXTURE = 5e-3
 # Cycles against the closed forms of its closures, relative RMS over a sphere: float32, and its tables of a ramp.
 RENDERED = 2e-3
+# Ward's normalisation holds for small alpha, to about 3 alpha^2: alpha up to .05 here, sums over 8,192 directions.
+WARD = 0.01
+# A smooth BRDF between the bins of a MERL table, median: interpolation over a degree.
+BETWEEN_BINS = 5e-3

@@ -14,7 +14,8 @@ from ..core.camera import Camera
 from ..core.errors import LightsphereError
 from ..core.shape import Shape
 from ..core.shape.mesh import Mesh
-from . import cycles
+from . import cycles, pixels
+from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
 from .materials import Recovered, surface_material
 from .meshes import add_mesh
@@ -52,18 +53,40 @@ def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Recovered, name: st
     save(path)
 
 
+def write_ball(path: Path, recovered: Recovered, name: str, overwrite: bool = False) -> dict[str, Any]:
+    """Write an asset.blend that shows a material on a ball; what is open in this Blender is replaced by it.
+
+    Returns
+    -------
+    dict
+        ``vertices`` and ``triangles``.
+    """
+    check_free(path, overwrite)
+    scene, item = ball_scene()
+    dress(item, surface_material(name, recovered))
+    item.name = name
+    furnish(scene, ball_camera(LONGER_SIDE), np.array([item.bound_box[0], item.bound_box[6]]))
+    save(path)
+    return {"vertices": len(item.data.vertices), "triangles": len(item.data.polygons)}
+
+
 def check_free(path: Path, overwrite: bool) -> None:
     """Raise LightsphereError when a file exists and may not be replaced."""
     if path.exists() and not overwrite:
         raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
 
 
-def save(path: Path) -> None:
-    """Save what is open in this Blender, seen through its camera; raise LightsphereError when it cannot be written."""
+def save(path: Path, textures: str = "packed") -> None:
+    """Save what is open in this Blender, seen through its camera; raise LightsphereError when it cannot be written.
+
+    Textures are ``"packed"`` into the file, or ``"beside"`` it in the folder ``NAME_textures``.
+    """
     _look_through_camera()
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         with cycles.caught_output():
+            if textures == "beside":
+                pixels.unpack(path.with_name(f"{path.stem}_textures"))
             bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), copy=True, compress=True)
     except RuntimeError as error:
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error

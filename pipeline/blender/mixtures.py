@@ -249,7 +249,7 @@ def _closure(
 
 
 def _brushed(graph: Graph, node: Any, given: Any, aspect: float, column: float, row: float) -> None:
-    """Stretch a glossy node by A = 1 - sqrt(short / long alpha), below 0 where the long one lies along the texture's U."""
+    """Stretch a glossy node: A = 1 - sqrt(short / long alpha), below 0 with the long one along the texture's U."""
     anisotropy = 1 - np.sqrt(min(aspect, 1 / aspect))
     node.inputs["Anisotropy"].default_value = float(anisotropy if aspect > 1 else -anisotropy)
     graph.feed(node.inputs["Rotation"], given["Rotation"])

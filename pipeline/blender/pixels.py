@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -36,6 +37,16 @@ def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
     image.pixels.foreach_set(rgba[::-1].ravel())
     image.pack()
     return image
+
+
+def unpack(folder: Path) -> None:
+    """Write this file's packed float images into a folder, as OpenEXR of full precision, and read them from there."""
+    for image in [image for image in bpy.data.images if image.packed_file and image.is_float]:
+        folder.mkdir(parents=True, exist_ok=True)
+        image.file_format = "OPEN_EXR"
+        image.filepath_raw = str((folder / f"{image.name}.exr").resolve())
+        image.save()
+        image.unpack(method="REMOVE")
 
 
 def filled(values: NDArray[np.float32]) -> NDArray[np.float32]:

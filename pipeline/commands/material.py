@@ -1,46 +1,121 @@
-"""`lightsphere material`: the recovered mesh with a node material, in a .blend that renders as it is opened."""
+"""`lightsphere material`: a recovered reflectance, or a BRDF file, as a node material in a .blend that renders."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from ..core import images
 from ..core.errors import LightsphereError
-from ..core.reflectance import ReflectanceSettings
-from .reflectance import fitted, summary
-from .stage import Figures, JsonFile, settings_options
+from ..core.material import MaterialSettings
+from ..core.material.surface import Surface, surface, uniform
+from ..core.progress import Work
+from ..core.reflectance import FILE as REFLECTANCE_FILE
+from ..core.reflectance import Reflectance, ReflectanceSettings
+from ..core.reflectance.bivariate import Bivariate
+from ..core.shape import FILE as SHAPE_FILE
+from ..core.shape import Shape
+from .reflectance import capture_of
+from .stage import Figures, JsonFile, run_with_bar, settings_options
+
+OF_MIXTURE = (
+    *("lobes", "material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_view"),
+    *("error_by_lobes", "rendered_rel_rms", "rendered_table_rel_rms", "render_cost", "texels_lowered"),
+)
+OF_ONE_LOBE = ("material_rel_rms", "material_rel_rms_median", "roughness")
 
 
-@settings_options(ReflectanceSettings)
+@settings_options(MaterialSettings)
 def material(
-    shape: Annotated[Path, typer.Argument(help="folder of a shape; it names its capture")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="the .blend to write")],
-    settings: ReflectanceSettings,
+    source: Annotated[
+        Path, typer.Argument(help="folder of a shape or of a reflectance, or a BRDF file: MERL .binary, .npz")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .blend to write; its report goes beside it")],
+    settings: MaterialSettings,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing file")] = False,
     json: JsonFile = None,
 ) -> None:
-    """Write asset.blend: mesh with UVs, packed textures in a node material, camera, lights and sky.
+    """Write asset.blend: mesh with UVs, a node material of Cycles' own closures, camera, lights and sky.
 
-    The mesh is the one that the shape was taken from, or a relief through the shape's pixels.
+    The mesh is the one that the shape was taken from, or a relief through the shape's pixels; the material of a BRDF
+    file comes on a ball. The material carries its own errors, and a page beside it, asset.html, shows them: against
+    what was recovered, against Cycles' own picture of it, and what each closure more costs to render.
     """
-    from ..core.shape.mesh import relief
-
     if output.suffix != ".blend":
         raise LightsphereError(f"{output} is no .blend file; name the asset like asset.blend")
     if output.exists() and not overwrite:
         raise LightsphereError(f"{output} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
-        opened, found = fitted(shape, settings)
-        from ..blender import asset, scanned_asset
+        figures.values.update(run_with_bar(made(source, output, settings)))
+        figures.summary = f"{summary(figures.values)}; in {output}"
 
-        if scan := opened.notes.get("mesh"):
-            made = scanned_asset.write(output, opened, (shape / scan).resolve(), found, overwrite)
-        else:
-            mesh = relief(opened)
-            asset.write(output, opened, mesh, found, "Recovered", overwrite)
-            made = {"vertices": len(mesh.vertices), "triangles": len(mesh.faces)}
-        figures.values.update({key: found.notes[key] for key in ("material_rel_rms", "material_rel_rms_median")})
-        figures.values.update(made)
-        figures.summary = f"{made['triangles']} triangles, {summary(found)}; in {output}"
+
+def made(source: Path, output: Path, settings: MaterialSettings) -> Work[dict[str, Any]]:
+    """Make the asset of a source, with a page beside it, and return the figures."""
+    from ..blender import asset, scanned_asset
+    from ..core.shape.mesh import relief
+
+    output.parent.mkdir(parents=True, exist_ok=True)
+    shape, folder, found = yield from opened(source, settings)
+    if isinstance(found, Surface):
+        found = yield from judged(found, output.with_suffix(".html"), output.stem)
+    if shape is None:
+        figures = asset.write_ball(output, found, source.stem, overwrite=True)
+    elif scan := shape.notes.get("mesh"):
+        figures = scanned_asset.write(output, shape, (folder / scan).resolve(), found, overwrite=True)
+    else:
+        mesh = relief(shape)
+        asset.write(output, shape, mesh, found, "Recovered", overwrite=True)
+        figures = {"vertices": len(mesh.vertices), "triangles": len(mesh.faces)}
+    wanted = OF_MIXTURE if isinstance(found, Surface) else OF_ONE_LOBE
+    return {key: found.notes[key] for key in wanted if key in found.notes} | figures
+
+
+def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None, Path, Reflectance | Surface]]:
+    """Return the shape of a source and its folder, None for a BRDF file, and what its material is to show."""
+    if source.is_file():
+        from ..core.brdf.files import read_brdf
+
+        return None, source.parent, (yield from uniform([read_brdf(source)], settings.lobes))
+    folder, recovered = source, source / "reflectance"
+    if (source / REFLECTANCE_FILE).is_file():
+        recovered = source
+        folder = source / Bivariate.open(source).notes.get("shape", "..")
+    if not (folder / SHAPE_FILE).is_file():
+        raise LightsphereError(f"{source} is no shape, reflectance or BRDF file; give what an earlier stage wrote")
+    shape = Shape.open(folder)
+    if (recovered / REFLECTANCE_FILE).is_file():
+        return shape, folder, (yield from surface(Bivariate.open(recovered), settings.lobes))
+    from ..core.reflectance.fit import fit
+
+    return shape, folder, (yield from fit(shape, capture_of(folder, shape), ReflectanceSettings()))
+
+
+def judged(found: Surface, page: Path, name: str) -> Work[Surface]:
+    """Render a surface's bases by Cycles, write the page and return the surface with what was found."""
+    from ..blender.render_cost import relative_cost
+    from ..blender.round_trip import round_trip
+    from ..report.material import Results, report
+
+    turn = yield from round_trip(found.mixture, found.bases)
+    costs = yield from relative_cost(found.mixture)
+    images.write_text(page, report(Results(name, found, turn.pictures, turn.against_table, costs)))
+    notes = {
+        "rendered_rel_rms": turn.against_mixture.tolist(),
+        "rendered_table_rel_rms": turn.against_table.tolist(),
+        "render_cost": costs[-1],
+    }
+    return dataclasses.replace(found, notes=found.notes | notes)
+
+
+def summary(figures: dict[str, Any]) -> str:
+    """Say in one line what was made and how good it is."""
+    words = f"{figures['triangles']} triangles, "
+    if "lobes" in figures:
+        errors = ", ".join(f"{error:.3g}" for error in figures["material_rel_rms"])
+        return words + f"{len(figures['lobes'])} closures, material_rel_rms {errors}"
+    roughness = ", ".join(f"{value:.3g}" for value in figures["roughness"])
+    return words + f"roughness {roughness}; material_rel_rms {figures['material_rel_rms']:.3g} on lights held out"

@@ -19,8 +19,8 @@ from pipeline import cli
 from pipeline.core.capture import Capture
 from pipeline.core.capture_settings import CaptureSettings
 from pipeline.core.errors import LightsphereError
+from pipeline.core.material import MaterialSettings
 from pipeline.core.photographs.settings import ImportSettings
-from pipeline.core.reflectance import ReflectanceSettings
 from pipeline.core.settings import limits_of
 from pipeline.core.shape.settings import ShapeSettings
 from tests import photographed
@@ -33,7 +33,7 @@ SETTINGS = {
     "capture": CaptureSettings,
     "import_photographs": ImportSettings,
     "shape": ShapeSettings,
-    "material": ReflectanceSettings,
+    "material": MaterialSettings,
 }
 COMMAND = {name: name for name in SETTINGS} | {"import_photographs": "import"}  # which Python keeps for itself
 

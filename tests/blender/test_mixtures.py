@@ -186,6 +186,6 @@ def test_the_group_explains_itself(stage: Any) -> None:
 
 
 def test_a_material_carries_its_errors() -> None:
-    surface = Surface(mixture(bases=1), weights(1.0), {"material_rel_rms": [0.07], "lobes": ["diffuse 0"]})
+    surface = Surface(mixture(bases=1), weights(1.0), notes={"material_rel_rms": [0.07], "lobes": ["diffuse 0"]})
     material = mixture_material("noted", surface)
     assert list(material["material_rel_rms"]) == pytest.approx([0.07]) and material["lobes"][0] == "diffuse 0"

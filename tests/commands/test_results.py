@@ -69,7 +69,7 @@ def test_reflectance_and_material_follow_the_shape_to_its_capture(folder: Path, 
     [
         (["compare", "shape", "nowhere"], "cannot be compared"),
         (["material", "shape", "-o", "asset.gltf"], "no .blend file"),
-        (["material", "capture", "-o", "asset.blend"], "is not a shape"),
+        (["material", "capture", "-o", "asset.blend"], "is no shape"),
         (["reflectance", "shape", "-o", "r", "--held-out", "1"], "held_out is 1"),
         (["tradeoff", "shape", "-o", "t"], "is not a capture"),
     ],

@@ -33,6 +33,9 @@ class MaterialSettings:
         4, "most glossy closures that the bases share; fewer where one more buys nothing", low=1, high=8
     )
     principled: bool = setting(False, "a Principled BSDF as the object's material, the faithful one beside it")
+    textures: str = setting(
+        "packed", "where textures go: into the .blend or into a folder", choices=("packed", "beside")
+    )
     back: str = setting("open", "what closes the relief behind", choices=("open", "closed"))
     keep: float = setting(
         1.0, "share of the triangles that is kept; a normal map carries the rest", low=0.001, high=1.0

@@ -14,12 +14,12 @@ are chosen one after the other out of a fine dictionary, then each once more wit
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from ..brdf import Brdf
 from ..errors import LightsphereError
@@ -28,12 +28,15 @@ from . import MOST_BASES, STOPS, Mixture, stop_shares
 from .closures import LEAST_ROUGHNESS, Lobe
 from .energy import bounded, reciprocity_error
 from .quadrature import directions
+from .sums import Sums
 
 DIM = 0.3
 WORTH = 0.003  # of material_rel_rms, in the mean over the bases, that one more lobe must take off
+HARDLY = 0.002  # of the root of J, that a lobe takes off a basis which does without it
+SPECIAL = 1.1  # by how much J must be lower with a lobe that is no ggx lobe: others cost more to render
 PROMISING = 6  # lobes of the least J for the mean colour, of which the best for all colours is taken
 SWAPS = 2  # passes in which every lobe is chosen once more
-RIDGE = 1e-7  # of each unknown's own square
+VIEWS = (*range(0, 90, 10), 90)  # bounds of the views for which the error is stated by themselves [degrees]
 DICTIONARY = {
     "ggx": np.geomspace(LEAST_ROUGHNESS, 1.0, 30),
     "beckmann": np.geomspace(0.1, 0.8, 10),
@@ -67,7 +70,8 @@ def fit(brdfs: Sequence[Brdf], lobes: int, fresnel: bool = True) -> Work[Mixture
     -------
     Mixture
         No basis returns more light than it receives. Notes: per basis ``material_rel_rms``, ``cube_root_rel_rms``,
-        ``reciprocity_error``, ``albedo``; ``error_by_lobes``, the mean ``material_rel_rms`` with 0, 1, .. ``lobes``
+        ``reciprocity_error``, ``albedo`` and ``error_by_view``, ``material_rel_rms`` of the views between
+        VIEWS; and ``error_by_lobes``, the mean ``material_rel_rms`` with 0, 1, .. ``lobes``
         lobes, before any is chosen again.
 
     Raises
@@ -92,6 +96,7 @@ def fit(brdfs: Sequence[Brdf], lobes: int, fresnel: bool = True) -> Work[Mixture
     yield Progress("fit", lobes + 2, lobes + 3, "lobes")
     order = sorted(chosen)
     mixture = bounded(Mixture(tuple(problem.lobes[i] for i in order), problem.curves(order)))
+    mixture = _without_unused(mixture)
     notes = mixture.notes | problem.figures(mixture) | {"error_by_lobes": errors}
     return Mixture(mixture.lobes, mixture.curves, notes)
 
@@ -105,15 +110,6 @@ def dictionary(aspect: float, fresnel: bool) -> list[Lobe]:
         aspects = {1.0, aspect} if kind in STRETCHED else {1.0}
         lobes += [Lobe(kind, float(r), a) for a in sorted(aspects) for r in roughnesses]
     return lobes
-
-
-@dataclass(frozen=True)
-class _Sums:
-    """A weighted least squares problem of one basis, as sums over the pairs: x.gram x - 2 moments.x + power."""
-
-    gram: Array
-    moments: Array
-    power: Array
 
 
 class _Problem:
@@ -137,7 +133,7 @@ class _Problem:
             for aspect in map(float, 2.0 ** (nearest + octaves)):
                 self._set([Lobe("diffuse"), *(Lobe("ggx", r, aspect) for r in TRIED)])
                 everything = _unknowns(range(len(self.lobes)))
-                costs[aspect] = sum(_least(sums, everything, grey=True)[0] for sums in self.sums)
+                costs[aspect] = sum(sums.mean_colour(everything) for sums in self.sums)
         return min(costs, key=costs.__getitem__)
 
     def _set(self, lobes: list[Lobe]) -> None:
@@ -152,81 +148,81 @@ class _Problem:
         """Return the lobe of the least J at a place of the list, the others as they are."""
         others = chosen[:place] + chosen[place + 1 :]
         free = [i for i in range(1, len(self.lobes)) if i not in others]
-        for grey, kept in ((True, PROMISING), (False, 1)):
-            costs = {i: sum(_least(sums, _unknowns([*others, i]), grey)[0] for sums in self.sums) for i in free}
+        for colours, kept in ((False, PROMISING), (True, 1)):
+            costs = {i: self._cost([*others, i], colours) for i in free}
             free = sorted(free, key=costs.__getitem__)[:kept]
         return free[0]
 
+    def _cost(self, chosen: list[int], colours: bool) -> float:
+        """Return the least J with a list of lobes, the last of which must pay for being special."""
+        if colours:
+            least = sum(self._solved(number, chosen)[0] for number in range(len(self.sums)))
+        else:
+            least = sum(sums.mean_colour(_unknowns(chosen)) for sums in self.sums)
+        return least * (1.0 if self.lobes[chosen[-1]].kind == "ggx" else SPECIAL)
+
+    def _solved(self, number: int, chosen: list[int]) -> tuple[float, Array]:
+        """Return the least J of one basis, and its curves (L, J, 3)."""
+        grey = np.repeat([self.lobes[i].kind == "fresnel" for i in chosen], len(STOPS))
+        least, found = self.sums[number].colours(_unknowns(chosen), grey)
+        return least, found.reshape(len(chosen), len(STOPS), 3)
+
     def error(self, chosen: list[int]) -> float:
-        """Return the mean of material_rel_rms over the bases; fresnel lobes may have colours."""
-        unknowns = _unknowns(chosen)
-        found = [self.columns[:, unknowns] @ _least(sums, unknowns)[1] for sums in self.sums]
-        errors = [self.pairs.relative_rms(f, true) for f, true in zip(found, self.wanted, strict=True)]
+        """Return the mean of material_rel_rms over the bases."""
+        errors = []
+        for number, true in enumerate(self.wanted):
+            found = self._solved(number, chosen)[1].reshape(-1, 3)
+            errors.append(self.pairs.relative_rms(self.columns[:, _unknowns(chosen)] @ found, true))
         return float(np.mean(errors))
 
     def curves(self, chosen: list[int]) -> Array:
-        """Return the best curves (K, L, J, 3), those of fresnel lobes grey and at most 1."""
-        grey = np.array([self.lobes[i].kind == "fresnel" for i in chosen])
-        found = [_least_with_grey(sums, _unknowns(chosen), np.repeat(grey, len(STOPS))) for sums in self.sums]
-        return np.stack(found).reshape(len(found), len(chosen), len(STOPS), 3)
+        """Return the best curves (K, L, J, 3), those of fresnel lobes grey and at most 1.
 
-    def figures(self, mixture: Mixture) -> dict[str, list[float]]:
+        A lobe that hardly serves a basis has no curve there: it costs nothing where it is not.
+        """
+        found = np.zeros((len(self.sums), len(chosen), len(STOPS), 3))
+        for number in range(len(self.sums)):
+            used = list(range(len(chosen)))
+            best, curves = self._solved(number, chosen)
+            while len(used) > 1:
+                trials = [self._solved(number, [chosen[i] for i in used if i != left]) for left in used]
+                least = int(np.argmin([cost for cost, _ in trials]))
+                if np.sqrt(trials[least][0]) > np.sqrt(best) + HARDLY:
+                    break
+                curves = trials[least][1]
+                used.pop(least)
+            found[number, used] = curves
+        return found
+
+    def figures(self, mixture: Mixture) -> dict[str, list[Any]]:
         """Return the errors of every basis."""
         found = mixture.evaluate(self.pairs.wi, self.pairs.wo)
         pairs = [(found[:, k], true) for k, true in enumerate(self.wanted)]
+        angles = np.degrees(np.arccos(np.minimum(self.pairs.wo[:, 2], 1.0)))
+        views = [self.pairs.select((angles >= low) & (angles < high)) for low, high in itertools.pairwise(VIEWS)]
         return {
+            "error_by_view": [[part.relative_rms(a[where], b[where]) for where, part in views] for a, b in pairs],
             "material_rel_rms": [self.pairs.relative_rms(a, b) for a, b in pairs],
             "cube_root_rel_rms": [self.pairs.relative_rms(np.cbrt(a), np.cbrt(b)) for a, b in pairs],
             "reciprocity_error": reciprocity_error(mixture, self.pairs).tolist(),
         }
 
-    def _sums(self, values: Array) -> _Sums:
+    def _sums(self, values: Array) -> Sums:
         weight, grey = self.pairs.weight, values.mean(axis=1)
         dim = weight / (1 + grey * weight.sum() / (weight * grey).sum())
-        total = sum(share * part / (part[:, None] * values**2).sum() for share, part in ((1.0, weight), (DIM, dim)))
+        total = weight / (weight[:, None] * values**2).sum() + DIM * dim / (dim[:, None] * values**2).sum()
         weighted = self.columns * total[:, None]
-        return _Sums(weighted.T @ self.columns, weighted.T @ values, (total[:, None] * values**2).sum(axis=0))
+        values = np.concatenate([values, grey[:, None]], axis=1)
+        return Sums(weighted.T @ self.columns, weighted.T @ values, (total[:, None] * values**2).sum(axis=0))
+
+
+def _without_unused(mixture: Mixture) -> Mixture:
+    """Leave out closures that no basis has; the diffuse one stays."""
+    used = mixture.curves.any(axis=(0, 2, 3))
+    used[0] = True
+    lobes = tuple(lobe for lobe, wanted in zip(mixture.lobes, used, strict=True) if wanted)
+    return Mixture(lobes, mixture.curves[:, used], mixture.notes)
 
 
 def _unknowns(chosen: Sequence[int]) -> NDArray[np.int64]:
     return (np.asarray(chosen)[:, None] * len(STOPS) + np.arange(len(STOPS))).ravel()
-
-
-def _least(sums: _Sums, unknowns: NDArray[np.int64], grey: bool = False) -> tuple[float, Array]:
-    """Return the least J of a basis and where it is, (U, 3); of its mean colour (U, 1) where grey is asked for."""
-    gram, moments = sums.gram[np.ix_(unknowns, unknowns)], sums.moments[unknowns]
-    if grey:
-        moments = moments.mean(axis=1, keepdims=True)
-    found = np.stack([_non_negative(gram, right) for right in moments.T], axis=1)
-    return float(sums.power.sum() - 2 * (moments * found).sum() + (found * (gram @ found)).sum()), found
-
-
-def _least_with_grey(sums: _Sums, unknowns: NDArray[np.int64], grey: NDArray[np.bool_]) -> Array:
-    """Return the same where some unknowns are one for all colours and at most 1."""
-    if not grey.any():
-        return _least(sums, unknowns)[1]
-    gram, moments = sums.gram[np.ix_(unknowns, unknowns)], sums.moments[unknowns]
-    own, shared = np.flatnonzero(~grey), np.flatnonzero(grey)
-    count = 3 * len(own)
-    whole = np.zeros((count + len(shared), count + len(shared)))
-    whole[:count, :count] = np.kron(np.eye(3), gram[np.ix_(own, own)])
-    whole[:count, count:] = np.tile(gram[np.ix_(own, shared)], (3, 1))
-    whole[count:, :count] = whole[:count, count:].T
-    whole[count:, count:] = 3 * gram[np.ix_(shared, shared)]
-    right = np.concatenate([moments[own].T.ravel(), moments[shared].sum(axis=1)])
-    found = _non_negative(whole, right)
-    found[count:] = np.minimum(found[count:], 1.0)
-    right = right[:count] - whole[:count, count:] @ found[count:]
-    found[:count] = _non_negative(whole[:count, :count], right)
-    result = np.zeros((len(unknowns), 3))
-    result[own], result[shared] = found[:count].reshape(3, -1).T, found[count:, None]
-    return result
-
-
-def _non_negative(gram: Array, moments: Array) -> Array:
-    """Return the x >= 0 of the least x.gram x - 2 moments.x; unknowns that hardly count are not told apart."""
-    diagonal = np.diag(gram)
-    scale = 1 / np.sqrt(np.maximum(diagonal, 1e-14 * diagonal.max()))
-    scaled = gram * scale * scale[:, None] + RIDGE * np.eye(len(gram))
-    root = np.linalg.cholesky(scaled).T
-    return np.asarray(nnls(root, np.linalg.solve(root.T, moments * scale))[0] * scale)

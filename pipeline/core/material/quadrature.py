@@ -32,6 +32,10 @@ class Directions:
     wo: NDArray[np.float64]
     weight: NDArray[np.float64]
 
+    def select(self, which: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Directions]:
+        """Return a choice of pairs (N,) and these pairs."""
+        return which, Directions(self.wi[which], self.wo[which], self.weight[which])
+
     def relative_rms(self, found: NDArray[np.float64], true: NDArray[np.float64]) -> float:
         """Return ``material_rel_rms``: RMS of the error of f cos(theta_i) over the RMS of f cos(theta_i).
 

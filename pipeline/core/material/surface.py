@@ -31,12 +31,15 @@ class Surface:
         Of K bases.
     weights : (H, W, K, M) float32
         M = 1, or 3 where they carry the colour; NaN where nothing was recovered.
+    bases : sequence of K Brdf
+        What the mixture was fitted to.
     notes : dict
         Errors that the material carries.
     """
 
     mixture: Mixture
     weights: NDArray[np.float32]
+    bases: Sequence[Brdf] = ()
     notes: dict[str, Any] = field(default_factory=dict)
 
 
@@ -67,7 +70,7 @@ def surface(reflectance: Bivariate, lobes: int) -> Work[Surface]:
     bases = [scaled.basis(k) for k in range(len(full))]
     mixture = yield from fit(bases, lobes, fresnel=reflectance.weights.shape[3] == 1)
     weights, lowered = _bounded(mixture, scaled.weights)
-    return Surface(mixture, weights, {**_figures(mixture), "texels_lowered": lowered})
+    return Surface(mixture, weights, bases, {**_figures(mixture), "texels_lowered": lowered})
 
 
 def uniform(brdfs: Sequence[Brdf], lobes: int) -> Work[Surface]:
@@ -75,7 +78,7 @@ def uniform(brdfs: Sequence[Brdf], lobes: int) -> Work[Surface]:
     mixture = yield from fit(brdfs, lobes)
     weights = np.zeros((1, 1, len(brdfs), 1), np.float32)
     weights[..., 0, :] = 1.0
-    return Surface(mixture, weights, _figures(mixture))
+    return Surface(mixture, weights, brdfs, _figures(mixture))
 
 
 def _full(weights: NDArray[np.float32]) -> float:
@@ -101,7 +104,7 @@ def _bounded(mixture: Mixture, weights: NDArray[np.float32]) -> tuple[NDArray[np
 
 
 def _figures(mixture: Mixture) -> dict[str, Any]:
-    names = ("material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_lobes")
+    names = ("material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_view", "error_by_lobes")
     return {name: mixture.notes[name] for name in names} | {
         "model": "mixture of closures",
         "lobes": [f"{lobe.kind} {lobe.roughness:.3g}" for lobe in mixture.lobes],
