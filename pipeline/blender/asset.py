@@ -12,21 +12,35 @@ from numpy.typing import NDArray
 
 from ..core.camera import Camera
 from ..core.errors import LightsphereError
+from ..core.material import MaterialSettings
+from ..core.material.principled import Principled
 from ..core.shape import Shape
-from ..core.shape.mesh import Mesh
+from ..core.shape.back import closed
+from ..core.shape.mesh import relief
 from . import cycles, pixels
 from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
 from .materials import Recovered, surface_material
-from .meshes import add_mesh
+from .meshes import add_mesh, decimated
+from .normal_maps import normal_map
+from .principled import principled_material
 
+PLAIN = MaterialSettings()
 LONGER_SIDE = 720  # pixels of the picture that F12 makes
 SKY = (0.055, 0.06, 0.07)
 #: Name, direction in camera space, side in extents of the object, radiance of a white surface that faces it.
 STUDIO = (("Key", (-0.7, 0.75, 1.0), 0.8, 1.0), ("Fill", (1.0, 0.1, 0.7), 1.6, 0.12))
 
 
-def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Recovered, name: str, overwrite: bool = False) -> None:
+def write(
+    path: Path,
+    shape: Shape,
+    recovered: Recovered,
+    name: str,
+    settings: MaterialSettings = PLAIN,
+    principled: Principled | None = None,
+    overwrite: bool = False,
+) -> dict[str, Any]:
     """Write an asset.blend that renders as it is opened; what is open in this Blender is replaced by it.
 
     Parameters
@@ -34,13 +48,20 @@ def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Recovered, name: st
     path : Path
         The file.
     shape : Shape
-        Gives the camera and, where they are known, the errors against truth.
-    mesh : Mesh
-    reflectance : Reflectance or Surface
+        Gives the mesh, the camera and, where they are known, the errors against truth.
+    recovered : Reflectance or Surface
     name : str
         Of the object.
+    settings : MaterialSettings
+    principled : Principled, optional
+        Is kept in the file beside the faithful material, or shown in its place where the settings say so.
     overwrite : bool
         Replace an existing file.
+
+    Returns
+    -------
+    dict
+        ``vertices`` and ``triangles``.
 
     Raises
     ------
@@ -49,25 +70,64 @@ def write(path: Path, shape: Shape, mesh: Mesh, reflectance: Recovered, name: st
     """
     check_free(path, overwrite)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    build(bpy.context.scene, shape, mesh, reflectance, name)
-    save(path)
+    item, normals = add_relief(bpy.context.scene, shape, name, settings)
+    dress(item, surface_material(name, recovered, normals))
+    if principled is not None:
+        keep_principled(item, 0, principled, normals, settings.principled)
+    for key, value in _figures(shape).items():
+        item[key] = value
+    furnish(bpy.context.scene, shape.camera, relief(shape).vertices)
+    save(path, settings.textures)
+    return {"vertices": len(item.data.vertices), "triangles": len(item.data.polygons)}
 
 
-def write_ball(path: Path, recovered: Recovered, name: str, overwrite: bool = False) -> dict[str, Any]:
-    """Write an asset.blend that shows a material on a ball; what is open in this Blender is replaced by it.
-
-    Returns
-    -------
-    dict
-        ``vertices`` and ``triangles``.
-    """
+def write_ball(
+    path: Path,
+    recovered: Recovered,
+    name: str,
+    settings: MaterialSettings = PLAIN,
+    principled: Principled | None = None,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Write the same with a material on a ball."""
     check_free(path, overwrite)
     scene, item = ball_scene()
-    dress(item, surface_material(name, recovered))
     item.name = name
+    dress(item, surface_material(name, recovered))
+    if principled is not None:
+        keep_principled(item, 0, principled, None, settings.principled)
     furnish(scene, ball_camera(LONGER_SIDE), np.array([item.bound_box[0], item.bound_box[6]]))
-    save(path)
+    save(path, settings.textures)
     return {"vertices": len(item.data.vertices), "triangles": len(item.data.polygons)}
+
+
+def add_relief(
+    scene: bpy.types.Scene, shape: Shape, name: str, settings: MaterialSettings = PLAIN
+) -> tuple[bpy.types.Object, NDArray[np.float32]]:
+    """Add the relief of a shape to a scene, as simple and as closed as asked; return it and its normal map."""
+    mesh = relief(shape)
+    if settings.keep < 1:
+        mesh = decimated(mesh, settings.keep, shape)
+    front = len(mesh.faces)
+    if settings.back == "closed":
+        mesh = closed(mesh, shape)
+    item = add_mesh(scene, name, mesh, None)
+    return item, normal_map(item, shape, front)
+
+
+def keep_principled(
+    item: bpy.types.Object,
+    slot: int,
+    principled: Principled,
+    normals: NDArray[np.float32] | None,
+    shown: bool,
+) -> None:
+    """Keep the Principled version of a slot's material in the file; where it is shown, keep the faithful one."""
+    faithful = item.material_slots[slot].material
+    version = principled_material(faithful.name, principled, normals)
+    (faithful if shown else version).use_fake_user = True
+    if shown:
+        item.material_slots[slot].material = version
 
 
 def check_free(path: Path, overwrite: bool) -> None:
@@ -90,15 +150,6 @@ def save(path: Path, textures: str = "packed") -> None:
             bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), copy=True, compress=True)
     except RuntimeError as error:
         raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
-
-
-def build(scene: bpy.types.Scene, shape: Shape, mesh: Mesh, reflectance: Recovered, name: str) -> bpy.types.Object:
-    """Add the asset to a scene with camera, light, sky and render settings; return the recovered object."""
-    item = add_mesh(scene, name, mesh, surface_material(name, reflectance))
-    for key, value in _figures(shape).items():
-        item[key] = value
-    furnish(scene, shape.camera, mesh.vertices)
-    return item
 
 
 def furnish(scene: bpy.types.Scene, seen_by: Camera, points: NDArray[np.float64]) -> None:

@@ -67,6 +67,26 @@ def write(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
     partial.replace(path)
 
 
+def write_png(path: Path, values: NDArray[Any]) -> None:
+    """Write (H, W) or (H, W, 3) values from 0 to 1 as a PNG of 16 bits, as they are, atomically.
+
+    Raises
+    ------
+    LightsphereError
+        When the file cannot be written.
+    """
+    oiio = openimageio()
+    whole = np.round(65535 * np.clip(values, 0.0, 1.0)).astype(np.uint16)
+    whole = np.ascontiguousarray(whole.reshape(*whole.shape[:2], -1))
+    spec = oiio.ImageSpec(whole.shape[1], whole.shape[0], whole.shape[2], "uint16")
+    partial = partial_name(path)
+    file = oiio.ImageOutput.create("out.png")
+    if not (file.open(str(partial), spec) and file.write_image(whole) and file.close()):
+        partial.unlink(missing_ok=True)
+        raise LightsphereError(f"{path} cannot be written ({file.geterror()}); free space or choose another folder")
+    partial.replace(path)
+
+
 def partial_name(path: Path) -> Path:
     """Return the name under which a file is written before it is whole."""
     return path.with_name(f".{path.name}.{os.getpid()}.part")

@@ -19,7 +19,7 @@ from ..core.material.closures import Lobe
 from ..core.material.surface import Surface
 from . import pixels
 from .meshes import UV_LAYER
-from .nodes import NEUTRAL, WHITE, Graph, new_material, normal_from_map
+from .nodes import NEUTRAL, NORMAL_MAP, WHITE, Graph, new_material, normal_from_map
 
 GROUP = "Lightsphere Bases"
 CLOSURES = {
@@ -63,9 +63,9 @@ def mixture_material(name: str, surface: Surface, normal_map: NDArray[np.float32
     for number, socket in enumerate(_weights(graph, name, surface.weights), start=1):
         graph.feed(group.inputs[_weight(number)], socket)
     if normal_map is not None:
-        image = pixels.packed_image(f"{name} Normal Map", normal_map)
+        image = pixels.packed_image(f"{name} {NORMAL_MAP}", normal_map)
         shown = graph.texture(-0.5, 4.2, image, "Normals in tangent space")
-        graph.feed(group.inputs["Normal Map"], shown.outputs["Color"])
+        graph.feed(group.inputs[NORMAL_MAP], shown.outputs["Color"])
     for key, value in surface.notes.items():
         material[key] = value
     return material
@@ -125,7 +125,7 @@ def _sockets(tree: bpy.types.NodeTree, mixture: Mixture, coloured: bool, normal_
     if any(lobe.aspect != 1 for lobe in mixture.lobes):
         socket("Rotation", 0.0, "Turns the direction of brushing, in turns; 0 is along the texture's U", most=1.0)
     if normal_map:
-        socket("Normal Map", NEUTRAL, "Normals in tangent space, encoded 0 to 1")
+        socket(NORMAL_MAP, NEUTRAL, "Normals in tangent space, encoded 0 to 1")
     numbers = range(1, len(mixture.curves) + 1)
     for k in numbers:
         panel = tree.interface.new_panel(f"Basis {k}", default_closed=k > 1)
@@ -146,7 +146,7 @@ def _view(graph: Graph, given: Any, normal_map: bool) -> tuple[Any, Any]:
     geometry = graph.add("ShaderNodeNewGeometry", -4, -3)
     normal = None
     if normal_map:
-        normal = normal_from_map(graph, given["Normal Map"], -4, -1.8)
+        normal = normal_from_map(graph, given[NORMAL_MAP], -4, -1.8)
     facing = graph.add("ShaderNodeVectorMath", -2.6, -2.6, operation="DOT_PRODUCT", label="Cosine of the view")
     graph.feed(facing.inputs[0], geometry.outputs["Incoming"])
     graph.feed(facing.inputs[1], normal or geometry.outputs["Normal"])

@@ -10,6 +10,7 @@ from .meshes import UV_LAYER
 
 COLUMN, ROW = 200.0, 180.0
 WHITE = (1.0, 1.0, 1.0, 1.0)
+NORMAL_MAP = "Normal Map"
 NEUTRAL = (0.5, 0.5, 1.0, 1.0)  # of a normal map in tangent space: the mesh's own normal
 
 

@@ -39,6 +39,34 @@ def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
     return image
 
 
+def byte_image(name: str, values: NDArray[Any], colour: bool) -> bpy.types.Image:
+    """Make an image of 8 bits that is stored inside the .blend, as other programs read it.
+
+    Parameters
+    ----------
+    name : str
+    values : (H, W, 3) or (H, W) float
+        Linear, rows top-down, 0 to 1.
+    colour : bool
+        Whether the values are encoded as sRGB; others are stored as they are.
+    """
+    height, width = values.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=False, is_data=not colour)
+    image.file_format = "PNG"
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = values.reshape(height, width, -1)
+    if colour:
+        rgba[..., :3] = srgb(rgba[..., :3])
+    image.pixels.foreach_set(rgba[::-1].ravel())
+    image.pack()
+    return image
+
+
+def srgb(linear: NDArray[Any]) -> NDArray[Any]:
+    """Return linear values from 0 to 1 as sRGB values (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
 def unpack(folder: Path) -> None:
     """Write this file's packed float images into a folder, as OpenEXR of full precision, and read them from there."""
     for image in [image for image in bpy.data.images if image.packed_file and image.is_float]:

@@ -7,8 +7,9 @@ radiance over the irradiance is f cos(theta_i). Normals are those that Cycles it
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -27,6 +28,7 @@ from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
 from .mixtures import mixture_material
 
+Reflected = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 SIDE = 96  # pixels of the sphere's pictures
 STEEPEST = 0.05  # cosine of view or light below which a triangle's own plane may hide what its normal shows
 SUNS = 12
@@ -69,7 +71,8 @@ def round_trip(mixture: Mixture, brdfs: Sequence[Brdf]) -> Work[RoundTrip]:
         dress(item, mixture_material(f"Basis {number + 1}", Surface(mixture, weights)))
         shown = yield from _under(scene, camera, suns, number, len(brdfs))
         pictures.append(shown)
-        errors.append(_errors(shown, normal, camera, suns, mixture, number, brdf))
+        pair = (partial(_mixed, mixture, number), partial(_tabulated, brdf))
+        errors.append([compared(shown, normal, camera, suns, f_cos) for f_cos in pair])
     return RoundTrip(np.stack(pictures), *np.array(errors).T)
 
 
@@ -100,27 +103,38 @@ def _normals(scene: bpy.types.Scene, camera: Camera) -> NDArray[np.float64]:
     return np.asarray(camera.normals_to_world(normal))
 
 
-def _errors(
-    shown: NDArray[np.float32],
-    normal: NDArray[np.float64],
-    camera: Camera,
-    suns: Lights,
-    mixture: Mixture,
-    number: int,
-    brdf: Brdf,
-) -> tuple[float, float]:
+def compared(
+    shown: NDArray[np.float32], normal: NDArray[np.float64], camera: Camera, suns: Lights, f_cos: Reflected
+) -> float:
+    """Return how far pictures of one ball under single suns are from f cos(theta_i): RMS over RMS of lit pixels.
+
+    Parameters
+    ----------
+    shown : (L, H, W, 3) float32
+        Radiance over irradiance.
+    normal : (H, W, 3) float64
+        In the world; NaN off the ball.
+    f_cos : callable
+        Of wi and wo (N, 3) in the frame of the surface, x along the ball's parallels.
+    """
     seen = np.isfinite(normal).all(axis=-1)
     n, view = normal[seen], -camera.rays()[1][seen]
-    squares = np.zeros(3)
+    squares = np.zeros(2)
     for picture, sun in zip(shown, suns.position, strict=True):
         good = ((n * view).sum(axis=-1) > STEEPEST) & (n @ sun > STEEPEST)
         frame = _frames(n[good])
         wi, wo = (np.einsum("nij,nj->ni", frame, np.broadcast_to(w, n.shape)[good]) for w in (sun, view))
-        got = picture[seen][good].astype(np.float64)
-        closed = mixture.evaluate(wi, wo)[:, number]
-        table = brdf.evaluate(wi, wo) * wi[:, 2, None]
-        squares += ((got - closed) ** 2).sum(), ((got - table) ** 2).sum(), (table**2).sum()
-    return float(np.sqrt(squares[0] / squares[2])), float(np.sqrt(squares[1] / squares[2]))
+        wanted = f_cos(wi, wo)
+        squares += ((picture[seen][good] - wanted) ** 2).sum(), (wanted**2).sum()
+    return float(np.sqrt(squares[0] / squares[1]))
+
+
+def _mixed(mixture: Mixture, number: int, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    return mixture.evaluate(wi, wo)[:, number]
+
+
+def _tabulated(brdf: Brdf, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    return brdf.evaluate(wi, wo) * wi[:, 2, None]
 
 
 def _frames(n: NDArray[np.float64]) -> NDArray[np.float64]:

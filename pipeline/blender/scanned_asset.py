@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from ..core import images
 from ..core.errors import LightsphereError
+from ..core.material import MaterialSettings
+from ..core.material.principled import fit_principled
+from ..core.material.surface import bases_of
 from ..core.reflectance.bake import Visible, bake, texture_size
 from ..core.shape import Shape
 from ..core.shape.scan import Scan
@@ -20,7 +23,15 @@ from . import asset, pixels, scans
 from .materials import Recovered, surface_material
 
 
-def write(path: Path, shape: Shape, mesh: Path, reflectance: Recovered, overwrite: bool = False) -> dict[str, Any]:
+def write(
+    path: Path,
+    shape: Shape,
+    mesh: Path,
+    reflectance: Recovered,
+    settings: MaterialSettings = asset.PLAIN,
+    principled: bool = False,
+    overwrite: bool = False,
+) -> dict[str, Any]:
     """Write an asset.blend with the user's mesh; what is open in this Blender is replaced by it.
 
     Every material slot that the pictures show gets a material of its own with textures in the mesh's UVs; others keep
@@ -36,6 +47,10 @@ def write(path: Path, shape: Shape, mesh: Path, reflectance: Recovered, overwrit
         The mesh's file.
     reflectance : Reflectance or Surface
         Of the shape's pixels.
+    settings : MaterialSettings
+        Where textures go, and which version is shown; the mesh stays as it is.
+    principled : bool
+        Whether the Principled version is kept, too.
     overwrite : bool
         Replace an existing file.
 
@@ -71,8 +86,10 @@ def write(path: Path, shape: Shape, mesh: Path, reflectance: Recovered, overwrit
             item.data.materials[slot] = material
         else:
             item.data.materials.append(material)
+        if principled:
+            asset.keep_principled(item, slot, fit_principled(*bases_of(baked)), None, settings.principled)
     asset.furnish(bpy.context.scene, shape.camera, scan.corners.reshape(-1, 3))
-    asset.save(path)
+    asset.save(path, settings.textures)
     vertices = sum(len(item.data.vertices) for item in items)
     return {"vertices": vertices, "triangles": len(scan.part), "texels": sizes, "texels_seen": texels_seen}
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from ..core.camera import Camera
 from ..core.lights import Lights
 from ..core.progress import Progress, Work
-from ..core.shape.mesh import Mesh
+from ..core.shape import Shape
 from . import asset, cycles, exr, lamps
+from .ball import dress
 from .camera import add_camera
 from .geometry import BACKDROP
 from .materials import Recovered, surface_material
-from .meshes import add_mesh
 
 STUDIO = {
     "filter_width": 1.5,
@@ -29,12 +29,14 @@ STUDIO = {
 }
 
 
-def exchange(scene: bpy.types.Scene, mesh: Mesh, reflectance: Recovered) -> bpy.types.Object:
+def exchange(scene: bpy.types.Scene, shape: Shape, recovered: Recovered) -> bpy.types.Object:
     """Put the recovered object in the place of the scene's own, which is hidden; its surroundings stay."""
     for item in scene.objects:
         if item.type == "MESH" and not item.get(BACKDROP):
             item.hide_render = True
-    return add_mesh(scene, "Recovered", mesh, surface_material("Recovered", reflectance))
+    added, normals = asset.add_relief(scene, shape, "Recovered")
+    dress(added, surface_material("Recovered", recovered, normals))
+    return added
 
 
 def light_studio(scene: bpy.types.Scene, camera: Camera, centre: NDArray[np.float64], extent: float) -> None:

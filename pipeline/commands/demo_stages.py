@@ -170,7 +170,7 @@ class Demo:
         shape = Shape.open(self.folder / "shape")
         found = yield from fit(shape, self._opened_capture(), ReflectanceSettings())
         found.save(self.folder / "reflectance")
-        asset.write(path, shape, relief(shape), found, Path(self.scene).stem, overwrite=True)
+        asset.write(path, shape, found, Path(self.scene).stem, overwrite=True)
         self.record["asset_sha256"] = images.checksum(path)
 
     def _views(self) -> Work[None]:
@@ -187,7 +187,7 @@ class Demo:
         for name in ("true", "asset"):
             loaded = scene.load(self.scene)
             if name == "asset":
-                views.exchange(loaded, mesh, reflectance)
+                views.exchange(loaded, shape, reflectance)
             relit.append((yield from _renamed(views.under_lights(loaded, capture.camera, lamps), "relight")))
             views.light_studio(loaded, capture.camera, centre, capture.notes["diameter"])
             picture = yield from _renamed(views.picture(loaded, camera, VIEW_PASSES, VIEW_SAMPLES), name)

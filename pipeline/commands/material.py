@@ -11,11 +11,12 @@ import typer
 from ..core import images
 from ..core.errors import LightsphereError
 from ..core.material import MaterialSettings
-from ..core.material.surface import Surface, surface, uniform
+from ..core.material.principled import Principled
+from ..core.material.surface import Surface, bases_of, surface, uniform
 from ..core.progress import Work
 from ..core.reflectance import FILE as REFLECTANCE_FILE
 from ..core.reflectance import Reflectance, ReflectanceSettings
-from ..core.reflectance.bivariate import Bivariate
+from ..core.reflectance.bivariate import Bivariate, open_reflectance
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
 from .reflectance import capture_of
@@ -35,6 +36,9 @@ def material(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="the .blend to write; its report goes beside it")],
     settings: MaterialSettings,
+    gltf: Annotated[Path | None, typer.Option(help="export as glTF 2.0, a .glb", metavar="FILE")] = None,
+    usd: Annotated[Path | None, typer.Option(help="export as USD with MaterialX", metavar="FILE")] = None,
+    pbr: Annotated[Path | None, typer.Option(help="write plain PBR textures into a folder", metavar="DIR")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing file")] = False,
     json: JsonFile = None,
 ) -> None:
@@ -42,36 +46,50 @@ def material(
 
     The mesh is the one that the shape was taken from, or a relief through the shape's pixels; the material of a BRDF
     file comes on a ball. The material carries its own errors, and a page beside it, asset.html, shows them: against
-    what was recovered, against Cycles' own picture of it, and what each closure more costs to render.
+    what was recovered, against Cycles' own picture of it, and what each closure more costs to render. Exports for other
+    programs are of the nearest Principled BSDF, whose error is stated beside.
     """
+    from ..blender import exports
+
     if output.suffix != ".blend":
         raise LightsphereError(f"{output} is no .blend file; name the asset like asset.blend")
     if output.exists() and not overwrite:
         raise LightsphereError(f"{output} exists; choose another name, or replace it with --overwrite")
+    exports.check_names(gltf, usd)
     with Figures("material", json) as figures:
-        figures.values.update(run_with_bar(made(source, output, settings)))
+        output.parent.mkdir(parents=True, exist_ok=True)
+        wanted = settings.principled or any((gltf, usd, pbr))
+        figures.values.update(run_with_bar(made(source, output, settings, wanted, pbr)))
+        if gltf or usd:
+            exports.run(output, gltf, usd)
         figures.summary = f"{summary(figures.values)}; in {output}"
 
 
-def made(source: Path, output: Path, settings: MaterialSettings) -> Work[dict[str, Any]]:
-    """Make the asset of a source, with a page beside it, and return the figures."""
-    from ..blender import asset, scanned_asset
-    from ..core.shape.mesh import relief
+def made(
+    source: Path, output: Path, settings: MaterialSettings, principled: bool, pbr: Path | None
+) -> Work[dict[str, Any]]:
+    """Make the asset of a source, with a page beside it and PBR textures in a folder, and return the figures."""
+    from ..blender import asset, exports, scanned_asset
+    from ..core.material.principled import fit_principled
 
-    output.parent.mkdir(parents=True, exist_ok=True)
     shape, folder, found = yield from opened(source, settings)
+    nearest = fit_principled(*bases_of(found)) if principled else None
     if isinstance(found, Surface):
-        found = yield from judged(found, output.with_suffix(".html"), output.stem)
+        found = yield from judged(found, nearest, output.with_suffix(".html"), output.stem)
     if shape is None:
-        figures = asset.write_ball(output, found, source.stem, overwrite=True)
+        figures = asset.write_ball(output, found, source.stem, settings, nearest, overwrite=True)
     elif scan := shape.notes.get("mesh"):
-        figures = scanned_asset.write(output, shape, (folder / scan).resolve(), found, overwrite=True)
+        mesh = (folder / scan).resolve()
+        figures = scanned_asset.write(output, shape, mesh, found, settings, principled, overwrite=True)
     else:
-        mesh = relief(shape)
-        asset.write(output, shape, mesh, found, "Recovered", overwrite=True)
-        figures = {"vertices": len(mesh.vertices), "triangles": len(mesh.faces)}
+        figures = asset.write(output, shape, found, "Recovered", settings, nearest, overwrite=True)
     wanted = OF_MIXTURE if isinstance(found, Surface) else OF_ONE_LOBE
-    return {key: found.notes[key] for key in wanted if key in found.notes} | figures
+    figures |= {key: found.notes[key] for key in wanted if key in found.notes}
+    if nearest is not None:
+        figures |= nearest.notes
+        if pbr is not None:
+            figures["textures"] = exports.write_textures(pbr, nearest)
+    return figures
 
 
 def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None, Path, Reflectance | Surface]]:
@@ -83,18 +101,23 @@ def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None,
     folder, recovered = source, source / "reflectance"
     if (source / REFLECTANCE_FILE).is_file():
         recovered = source
-        folder = source / Bivariate.open(source).notes.get("shape", "..")
+        folder = source / open_reflectance(source).notes.get("shape", "..")
     if not (folder / SHAPE_FILE).is_file():
         raise LightsphereError(f"{source} is no shape, reflectance or BRDF file; give what an earlier stage wrote")
     shape = Shape.open(folder)
+    found: Reflectance | Bivariate
     if (recovered / REFLECTANCE_FILE).is_file():
-        return shape, folder, (yield from surface(Bivariate.open(recovered), settings.lobes))
-    from ..core.reflectance.fit import fit
+        found = open_reflectance(recovered)
+    else:
+        from ..core.reflectance import tables
 
-    return shape, folder, (yield from fit(shape, capture_of(folder, shape), ReflectanceSettings()))
+        found = yield from tables.fit(shape, capture_of(folder, shape), ReflectanceSettings())
+    if isinstance(found, Bivariate):
+        return shape, folder, (yield from surface(found, settings.lobes))
+    return shape, folder, found
 
 
-def judged(found: Surface, page: Path, name: str) -> Work[Surface]:
+def judged(found: Surface, nearest: Principled | None, page: Path, name: str) -> Work[Surface]:
     """Render a surface's bases by Cycles, write the page and return the surface with what was found."""
     from ..blender.render_cost import relative_cost
     from ..blender.round_trip import round_trip
@@ -102,7 +125,7 @@ def judged(found: Surface, page: Path, name: str) -> Work[Surface]:
 
     turn = yield from round_trip(found.mixture, found.bases)
     costs = yield from relative_cost(found.mixture)
-    images.write_text(page, report(Results(name, found, turn.pictures, turn.against_table, costs)))
+    images.write_text(page, report(Results(name, found, turn.pictures, turn.against_table, costs, nearest)))
     notes = {
         "rendered_rel_rms": turn.against_mixture.tolist(),
         "rendered_table_rel_rms": turn.against_table.tolist(),

@@ -1,17 +1,18 @@
-"""`lightsphere reflectance`: albedo and one glossy lobe of every pixel on a known shape."""
+"""`lightsphere reflectance`: basis BRDFs and weight maps, or a lobe per pixel, on a known shape."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ..core.capture import Capture
 from ..core.errors import LightsphereError
 from ..core.reflectance import Reflectance, ReflectanceSettings
+from ..core.reflectance.bivariate import Bivariate
 from ..core.shape import Shape
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
@@ -23,19 +24,22 @@ def capture_of(folder: Path, shape: Shape) -> Capture:
     return Capture.open((folder / shape.notes["capture"]).resolve())
 
 
-def fitted(folder: Path, settings: ReflectanceSettings) -> tuple[Shape, Reflectance]:
+def fitted(folder: Path, settings: ReflectanceSettings) -> Reflectance | Bivariate:
     """Open a shape folder and fit the reflectance of its capture, with a bar."""
-    from ..core.reflectance.fit import fit
+    from ..core.reflectance import fit, tables
 
     shape = Shape.open(folder)
-    return shape, run_with_bar(fit(shape, capture_of(folder, shape), settings))
+    capture = capture_of(folder, shape)
+    if settings.model == "bivariate":
+        return run_with_bar(tables.fit(shape, capture, settings))
+    return run_with_bar(fit.fit(shape, capture, settings))
 
 
-def summary(reflectance: Reflectance) -> str:
+def summary(notes: dict[str, Any]) -> str:
     """Say in one line what was found and how good it is."""
-    notes = reflectance.notes
-    roughness = ", ".join(f"{value:.3g}" for value in notes["roughness"])
-    return f"roughness {roughness}; material_rel_rms {notes['material_rel_rms']:.3g} on lights held out"
+    roughness = ", ".join(f"{value:.3g}" for value in notes.get("roughness", ()))
+    found = f"roughness {roughness}" if roughness else f"basis BRDFs {notes['bases']}"
+    return f"{found}; material_rel_rms {notes['material_rel_rms']:.3g} on lights held out"
 
 
 @settings_options(ReflectanceSettings)
@@ -45,10 +49,11 @@ def reflectance(
     settings: ReflectanceSettings,
     json: JsonFile = None,
 ) -> None:
-    """Fit albedo and one glossy lobe per pixel on a known shape, and state the error on lights held out."""
+    """Fit basis BRDFs and weight maps, or a lobe per pixel, on a known shape; state the error on lights held out."""
     with Figures("reflectance", json) as figures:
-        _, found = fitted(shape, settings)
+        found = fitted(shape, settings)
         found = dataclasses.replace(found, notes={**found.notes, "shape": os.path.relpath(shape, output)})
         found.save(output)
-        figures.values.update({key: found.notes[key] for key in ("material_rel_rms", "material_rel_rms_median")})
-        figures.summary = f"{summary(found)}; in {output}"
+        wanted = ("material_rel_rms", "material_rel_rms_median", "bases", "nodes_seen")
+        figures.values.update({key: found.notes[key] for key in wanted if key in found.notes})
+        figures.summary = f"{summary(found.notes)}; in {output}"

@@ -7,6 +7,7 @@ import typer
 from .capture import capture, capture_worker
 from .compare import compare
 from .demo import demo
+from .export import export_worker
 from .import_ import import_photographs
 from .material import material
 from .plan import plan
@@ -28,6 +29,7 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(shape)
     app.command()(reflectance)
     app.command()(material)
+    app.command("export-worker", hidden=True)(export_worker)
     app.command()(relight)
     app.command()(compare)
     app.command()(tradeoff)

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from ..core.brdf import Brdf
 from ..core.material import Mixture
 from ..core.material.fit import VIEWS
+from ..core.material.principled import Principled
 from ..core.material.surface import Surface
 from . import figures, html, style
 
 SUNS = (0, 4, 7)  # of the round trip: from the view, from the side, from behind
+OF_PRINCIPLED = ("principled_rel_rms", "principled_cube_root_rel_rms")
 SLICES = (5.0, 45.0, 70.0)  # theta_d [degrees]
 
 
@@ -33,6 +35,8 @@ class Results:
         Relative RMS of these pictures against the basis BRDFs.
     costs : sequence of float
         Render time over that of one Principled BSDF with the same texture, for 0, 1, .. lobes.
+    principled : Principled or None
+        The nearest Principled BSDF, where it was asked for.
     """
 
     name: str
@@ -40,6 +44,7 @@ class Results:
     pictures: NDArray[np.float32]
     rendered: NDArray[np.float64]
     costs: Sequence[float]
+    principled: Principled | None
 
 
 def report(r: Results) -> str:
@@ -74,7 +79,7 @@ def _head(r: Results) -> str:
 
 def _errors(r: Results) -> str:
     notes = r.surface.mixture.notes
-    heads = ("basis", "fit", "fit, cube roots", "rendered", "returned", "reciprocity")
+    heads = ["basis", "fit", "fit, cube roots", "rendered", "returned", "reciprocity"]
     rows = [
         [
             f"{k + 1}",
@@ -86,6 +91,10 @@ def _errors(r: Results) -> str:
         ]
         for k in range(len(r.surface.bases))
     ]
+    if r.principled is not None:
+        heads += ["Principled", "Principled, cube roots"]
+        for k, row in enumerate(rows):
+            row += [_percent(r.principled.notes[name][k]) for name in OF_PRINCIPLED]
     return html.section(
         "How faithful it is",
         html.table(heads, rows, range(1, len(heads))),

@@ -20,7 +20,6 @@ from pipeline.core.errors import LightsphereError
 from pipeline.core.progress import finish
 from pipeline.core.reflectance import Reflectance
 from pipeline.core.shape import Shape
-from pipeline.core.shape.mesh import relief
 from tests import oracles, synthetic, tolerances
 
 SIZE = 32
@@ -65,7 +64,7 @@ def predicted(shape: Shape, reflectance: Reflectance, index: int) -> NDArray[np.
 
 
 def rendered(scene: bpy.types.Scene, shape: Shape, reflectance: Reflectance, index: int) -> NDArray[np.float32]:
-    item = views.exchange(scene, relief(shape), reflectance)
+    item = views.exchange(scene, shape, reflectance)
     item.cycles.shadow_terminator_geometry_offset = 0.0
     lamps = synthetic.lights().select(np.array([index]))
     return finish(views.under_lights(scene, shape.camera, lamps))[0]
@@ -156,7 +155,7 @@ def test_the_camera_of_a_wide_picture_sees_what_it_should(scene: bpy.types.Scene
 def test_the_file_opens_and_renders_the_object(tilted: Shape, tmp_path: Path) -> None:
     path = tmp_path / "asset.blend"
     noted = dataclasses.replace(tilted, notes={"method": "double-sphere", "errors": {"depth_median_pct": 0.25}})
-    asset.write(path, noted, relief(noted), maps(), "Thing")
+    asset.write(path, noted, maps(), "Thing")
     bpy.ops.wm.open_mainfile(filepath=str(path))
     scene = bpy.context.scene
     item = bpy.data.objects["Thing"]
@@ -180,9 +179,9 @@ def test_an_existing_file_is_kept_unless_told_otherwise(tilted: Shape, tmp_path:
     path = tmp_path / "asset.blend"
     path.write_bytes(b"the artist's work")
     with pytest.raises(LightsphereError, match="exists"):
-        asset.write(path, tilted, relief(tilted), maps(), "Thing")
+        asset.write(path, tilted, maps(), "Thing")
     assert path.read_bytes() == b"the artist's work"
-    asset.write(path, tilted, relief(tilted), maps(), "Thing", overwrite=True)
+    asset.write(path, tilted, maps(), "Thing", overwrite=True)
     assert path.stat().st_size > 10_000
 
 

@@ -84,7 +84,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rig = ("--inner", "24", "--outer", "12", "--resolution", str(PIXELS), "--effects", "direct", "--workers", "1")
     assert cli.main(["capture", str(made / "painted.blend"), "-o", str(made / "capture"), *rig]) == 0
     assert shaped(made, "ball.glb") == 0
-    assert cli.main(["reflectance", str(made / "shape"), "-o", str(made / "reflectance"), "--clusters", "1"]) == 0
+    assert cli.main(["reflectance", str(made / "shape"), "-o", str(made / "reflectance"), "--model", "ggx"]) == 0
     return made
 
 
@@ -142,7 +142,7 @@ def test_uvs_of_pixels_are_those_of_the_paint(folder: Path) -> None:
 def test_the_asset_is_the_users_mesh_with_baked_textures(folder: Path, tmp_path: Path) -> None:
     blend, figures = tmp_path / "asset.blend", tmp_path / "figures.json"
     assert shaped(folder, "ball.glb") == 0
-    words = ["material", str(folder / "shape"), "-o", str(blend), "--clusters", "1", "--json", str(figures)]
+    words = ["material", str(folder / "reflectance"), "-o", str(blend), "--json", str(figures)]
     assert cli.main(words) == 0
     with caught_output():
         bpy.ops.wm.open_mainfile(filepath=str(blend))
@@ -172,7 +172,7 @@ def test_a_changed_mesh_makes_no_asset(folder: Path, tmp_path: Path, capsys: pyt
     assert shaped(folder, "changed.ply") == 0
     (folder / "changed.ply").write_bytes((folder / "ball.ply").read_bytes() + b" ")
     capsys.readouterr()
-    assert cli.main(["material", str(folder / "shape"), "-o", str(tmp_path / "a.blend"), "--clusters", "1"]) == 2
+    assert cli.main(["material", str(folder / "reflectance"), "-o", str(tmp_path / "a.blend")]) == 2
     assert "changed; run lightsphere shape --mesh again" in capsys.readouterr().err
 
 

@@ -3,7 +3,7 @@
 ``.binary`` (Matusik, Pfister, Brand, McMillan 2003): three int32, 90, 90 and 180, the bins of theta_h, theta_d and
 phi_d, then as many float64 for red, then for green and blue, phi_d running fastest. Bins of theta_h are even in its
 square root, the others even; a value times 1/1500 (red), 1.15/1500 (green), 1.66/1500 (blue) is f [1/sr]; a negative
-one was not measured. ``.npz``: an array ``model``, a word, and what that model needs::
+one was not measured. ``.npz``: an array ``model``, a word, and what that model needs (``docs/brdf_files.md``)::
 
     table              table (TH, TD, 3) or (TH, TD, PD, 3) [1/sr], theta_h (TH,), theta_d (TD,), phi_d (PD,) [rad];
                        NaN where f is not known; without model, too
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +44,14 @@ def read_brdf(path: Path) -> Brdf:
     readers = {".binary": _read_merl, ".npz": _read_npz}
     if not path.is_file():
         raise LightsphereError(f"{path} is missing; give a BRDF file")
-    if path.suffix not in readers:
+    if path.suffix.lower() not in readers:
         raise LightsphereError(f"{path} is no BRDF file; give a MERL .binary or a .npz")
     try:
-        return readers[path.suffix](path)
+        return readers[path.suffix.lower()](path)
     except LightsphereError as error:
         raise LightsphereError(f"{path}: {error}") from error
+    except OSError as error:
+        raise LightsphereError(f"{path} cannot be read ({error}); copy it again") from error
 
 
 def write_merl(path: Path, brdf: Brdf) -> None:
@@ -110,7 +113,7 @@ def _read_merl(path: Path) -> Brdf:
     data = path.read_bytes()
     sizes = tuple(np.frombuffer(data[:12], "<i4").tolist()) if len(data) >= 12 else ()
     if sizes != MERL:
-        raise LightsphereError("the header does not say 90, 90, 180; this is no MERL table")
+        raise LightsphereError("the header does not say 90, 90, 180, so it is no MERL table; give one of that size")
     count = 3 * int(np.prod(MERL))
     if len(data) != 12 + 8 * count:
         raise LightsphereError(f"the file has {len(data)} bytes, a MERL table {12 + 8 * count}; copy it again")
@@ -120,21 +123,14 @@ def _read_merl(path: Path) -> Brdf:
 
 
 def _read_npz(path: Path) -> Brdf:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise LightsphereError(f"the file is damaged ({error}); write it again") from error
+    arrays = _arrays(path)
     model = str(arrays.get("model", "table"))
     if model != "table" and model not in MODELS:
         raise LightsphereError(f"the model {model!r} is unknown; choose one of table, {', '.join(MODELS)}")
     wanted = ("table", "theta_h", "theta_d") if model == "table" else parameters(MODELS[model])
     if missing := [name for name in wanted if name not in arrays]:
-        raise LightsphereError(f"{', '.join(missing)} is missing; docs/material.md says what the file needs")
-    try:
-        numbers = {name: np.asarray(value, np.float64) for name, value in arrays.items() if name != "model"}
-    except ValueError as error:
-        raise LightsphereError(f"an array holds no numbers ({error}); write it again") from error
+        raise LightsphereError(f"{', '.join(missing)} is missing; docs/brdf_files.md says what the file needs")
+    numbers = {name: _numbers(name, arrays[name]) for name in (*wanted, "phi_d") if name in arrays}
     if model != "table":
         chosen = [numbers[name] if numbers[name].ndim else float(numbers[name]) for name in wanted]
         return MODELS[model](*chosen)  # type: ignore[no-any-return]
@@ -145,3 +141,19 @@ def _read_npz(path: Path) -> Brdf:
         raise LightsphereError(f"table has the shape {table.shape}; give theta_h, theta_d, phi_d, 3")
     known, _ = filled(table)
     return Tabulated(known, numbers["theta_h"], numbers["theta_d"], numbers.get("phi_d", np.array([np.pi / 2])))
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    if not zipfile.is_zipfile(path):  # numpy would take it for a single array or a pickle
+        raise LightsphereError("the file is damaged or no .npz; write it again")
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return {name: data[name] for name in data}
+    except (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise LightsphereError(f"the file is damaged ({error}); write it again") from error
+
+
+def _numbers(name: str, array: NDArray[Any]) -> NDArray[np.float64]:
+    if array.dtype.kind not in "fiu":
+        raise LightsphereError(f"{name} holds no numbers but {array.dtype}; give real numbers")
+    return np.asarray(array, np.float64)

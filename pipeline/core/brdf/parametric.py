@@ -20,7 +20,8 @@ class TorranceSparrow:
 
     Torrance and Sparrow 1967 with neither masking nor Fresnel factor, as Georghiades 2003 has it. Cosines are taken as
     those of 80 degrees where they are smaller: the uncalibrated source fits no steeper pixels, and without masking the
-    lobe would return more light than it receives.
+    lobe would return more light than it receives. The lobe is not normalised: seen from above it returns
+    2 pi sigma^2 specular while sigma is small.
 
     Parameters
     ----------
@@ -53,7 +54,8 @@ class Ward:
 
     ``f = diffuse / pi + specular exp(-(x^2 / ax^2 + y^2 / ay^2)) / (4 pi ax ay sqrt(cos_i cos_o))`` with the slopes
     x = h_x / h_z along the tangent and y = h_y / h_z across it of the half vector h.
-    Ward 1992, equation 5a, with its own normalisation, good to about 3 alpha^2.
+    Ward 1992, equation 5a, with its own normalisation: from above it returns its colour, less about 3 alpha^2 of it;
+    at the angle theta cos(theta) of its colour, the loss that Duer 2006 mends. No Fresnel factor, no masking.
 
     Parameters
     ----------
@@ -99,6 +101,6 @@ def _check(model: Any, colours: tuple[str, ...], limits: dict[str, tuple[float, 
         if value.shape != (3,) or not np.isfinite(value).all() or (value < 0).any():
             raise LightsphereError(f"{name} is {value.tolist()}; give three finite numbers from 0 up")
     for name, (low, high) in limits.items():
-        number = float(getattr(model, name))
-        if not low <= number <= high:
-            raise LightsphereError(f"{name} is {number:g}; it must be from {low:g} to {high:g}")
+        value = np.asarray(getattr(model, name), np.float64)
+        if value.shape != () or not low <= value <= high:
+            raise LightsphereError(f"{name} is {value.tolist()}; give one number from {low:g} to {high:g}")

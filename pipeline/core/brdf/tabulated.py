@@ -29,12 +29,15 @@ class Tabulated:
     theta_h, theta_d : (TH,), (TD,) float64
         Nodes, ascending, 0 to pi/2 [rad].
     phi_d : (PD,) float64
-        Nodes, ascending, 0 to pi [rad]; f repeats after pi.
+        Nodes, ascending, 0 to pi [rad]; f repeats after pi, so that 0 and pi are not both among them.
 
     Raises
     ------
     LightsphereError
         When shapes or nodes do not fit, or a value is no reflectance.
+
+    At theta_h = 0 the plane of half vector and normal is any plane: a table that depends on phi_d there is isotropic
+    only outside that one direction. Not modelled: anisotropy, fluorescence.
     """
 
     table: Array
@@ -44,15 +47,19 @@ class Tabulated:
     isotropic = True
 
     def __post_init__(self) -> None:
-        sizes = tuple(len(nodes) for nodes in self._nodes())
+        sizes = tuple(nodes.size for nodes in self._nodes())
         if self.table.shape != (*sizes, 3):
             raise LightsphereError(
                 f"table has the shape {self.table.shape}, its nodes say {(*sizes, 3)}; give theta_h, theta_d, phi_d, 3"
             )
         for name, nodes in zip(("theta_h", "theta_d", "phi_d"), self._nodes(), strict=True):
             end = np.pi if name == "phi_d" else np.pi / 2
+            if nodes.ndim != 1 or not nodes.size:
+                raise LightsphereError(f"{name} has the shape {nodes.shape}; give a list of angles")
             if not (np.diff(nodes) > 0).all() or not (nodes >= 0).all() or not (nodes <= end + 1e-6).all():
                 raise LightsphereError(f"{name} must ascend from 0 to {end:.4g}; give angles in radians")
+        if self.phi_d[-1] - self.phi_d[0] > np.pi - 1e-6:
+            raise LightsphereError("the first and the last phi_d are one angle, as f repeats after pi; leave one out")
         if not np.isfinite(self.table).all() or (self.table < 0).any():
             raise LightsphereError("the table has values that are no reflectance; mark unknown ones and fill them")
 

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from ..brdf import Brdf
 from ..progress import Work
+from ..reflectance import Reflectance
 from ..reflectance.bivariate import Bivariate
 from . import Mixture
+from .closures import Lobe
 from .energy import directional_albedo
 from .fit import fit
 
+WHITE = np.ones(3)
 FULL = 0.95  # share of a weight map's sum that lies in weights of at most 1
 TILE = 65536  # texels whose albedos are held at once
 
@@ -79,6 +82,35 @@ def uniform(brdfs: Sequence[Brdf], lobes: int) -> Work[Surface]:
     weights = np.zeros((1, 1, len(brdfs), 1), np.float32)
     weights[..., 0, :] = 1.0
     return Surface(mixture, weights, brdfs, _figures(mixture))
+
+
+@dataclass(frozen=True)
+class White:
+    """A closure of no colour as a BRDF."""
+
+    lobe: Lobe
+    isotropic = True
+
+    def evaluate(self, wi: NDArray[Any], wo: NDArray[Any]) -> NDArray[np.float64]:
+        """Return f [1/sr], (N, 3), for unit directions (N, 3) above the surface."""
+        return np.asarray((self.lobe.evaluate(wi, wo) / wi[:, 2])[:, None] * WHITE)
+
+
+def bases_of(recovered: Reflectance | Surface) -> tuple[Sequence[Brdf], NDArray[np.float32]]:
+    """Return the basis BRDFs and weights (H, W, K, M) of a recovered reflectance.
+
+    Those of a diffuse and one glossy lobe are white closures: the diffuse one, and a glossy one and its gain towards
+    grazing angles for every roughness.
+    """
+    if isinstance(recovered, Surface):
+        return recovered.bases, recovered.weights
+    bases: list[Brdf] = [White(Lobe("diffuse"))]
+    weights = [recovered.albedo]
+    for roughness in np.unique(recovered.roughness[np.isfinite(recovered.roughness)]):
+        own = np.where(np.isnan(recovered.roughness), np.nan, recovered.roughness == roughness)[..., None]
+        bases += [White(Lobe("ggx", float(roughness))), White(Lobe("fresnel", float(roughness)))]
+        weights += [recovered.specular * own, (recovered.edge[..., None] * own).repeat(3, axis=-1)]
+    return bases, np.stack(weights, axis=2).astype(np.float32)
 
 
 def _full(weights: NDArray[np.float32]) -> float:

@@ -1,7 +1,8 @@
 """Reflectance: what every pixel of a known shape does with light.
 
-On disk a folder with ``reflectance.json`` (model, settings, shape folder, errors) and ``reflectance.exr`` with the
-channels ``albedo.R/G/B``, ``specular.R/G/B``, ``edge.V``, ``roughness.V`` and ``error.V``.
+Tables are in :mod:`.bivariate`. A diffuse and one GGX lobe are here; on disk a folder with ``reflectance.json`` (model,
+settings, shape folder, errors) and ``reflectance.exr`` with the channels ``albedo.R/G/B``, ``specular.R/G/B``,
+``edge.V``, ``roughness.V`` and ``error.V``.
 """
 
 from __future__ import annotations
@@ -19,13 +20,24 @@ from ..errors import LightsphereError
 from ..settings import setting
 
 FILE = "reflectance.json"
+MODELS = ("bivariate", "ggx")
 
 
 @dataclass(frozen=True)
 class ReflectanceSettings:
-    """How a first reflectance is fitted; see :func:`pipeline.core.reflectance.fit.fit`."""
+    """How a reflectance is fitted; see :func:`pipeline.core.reflectance.tables.fit` and :func:`.fit.fit`.
 
-    clusters: int = setting(3, "most roughnesses that the object's pixels share", low=1, high=16)
+    ``bases`` belongs to bivariate, ``clusters`` to ggx.
+    """
+
+    model: str = setting(
+        "bivariate",
+        "bivariate: basis BRDFs as tables and a weight map of each, for any isotropic material; "
+        "ggx: a diffuse and one GGX lobe per pixel, which is nearer where the material is that",
+        choices=MODELS,
+    )
+    bases: int = setting(3, "most basis BRDFs that bivariate tells apart", low=1, high=4)
+    clusters: int = setting(3, "most roughnesses that the pixels of ggx share", low=1, high=16)
     held_out: int = setting(
         8, "every how many-th light is kept from the fit to state the error on", unit="lights", low=3, high=1000
     )

@@ -40,21 +40,21 @@ def texture_size(scan: Scan, face: NDArray[np.int64]) -> int:
     return int(np.clip(2 ** np.ceil(np.log2(wanted)), *SIZES))
 
 
-def rasterise(uv: NDArray[np.float64], size: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def rasterise(uv: NDArray[np.float64], size: int | tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return which triangle covers each texel's centre, and where.
 
     Parameters
     ----------
     uv : (T, 3, 2) float64
         Texture coordinates, v upwards; outside the unit square the texture repeats.
-    size : int
-        Of the square texture.
+    size : int or (int, int)
+        Side of the square texture, or width and height.
 
     Returns
     -------
-    face : (size, size) int64
+    face : (H, W) int64
         -1 where there is none; of triangles that lie on each other the last. Rows top-down.
-    weights : (size, size, 3) float64
+    weights : (H, W, 3) float64
         Barycentric coordinates of the centre.
 
     Raises
@@ -67,11 +67,12 @@ def rasterise(uv: NDArray[np.float64], size: int) -> tuple[NDArray[np.int64], ND
         raise LightsphereError(
             "the mesh's UVs repeat its texture, so that no texel is one place; unwrap the mesh, or delete its UVs"
         )
-    place = np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1) * size - 0.5
+    width, height = np.broadcast_to(size, 2).tolist()
+    place = np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1) * (width, height) - 0.5
     low = np.ceil(place.min(axis=1)).astype(np.int64)
     span = np.maximum(np.floor(place.max(axis=1)).astype(np.int64) - low + 1, 0)
     count = span.prod(axis=1) * (area != 0)
-    face, weights = np.full((size, size), -1, np.int64), np.zeros((size, size, 3))
+    face, weights = np.full((height, width), -1, np.int64), np.zeros((height, width, 3))
     for part in _blocks(count):
         which = np.repeat(part, count[part])
         index = np.arange(len(which)) - np.repeat(np.cumsum(count[part]) - count[part], count[part])
@@ -81,7 +82,7 @@ def rasterise(uv: NDArray[np.float64], size: int) -> tuple[NDArray[np.int64], ND
         shares = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=-1)
         shares /= shares.sum(axis=-1, keepdims=True)
         inside = (shares >= -1e-9).all(axis=-1)
-        where = row[inside] % size, column[inside] % size
+        where = row[inside] % height, column[inside] % width
         face[where], weights[where] = which[inside], shares[inside]
     return face, weights
 

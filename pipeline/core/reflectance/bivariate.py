@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .. import images
 from ..errors import LightsphereError
-from . import FILE
+from . import FILE, Reflectance
 from .angles import difference_angles, half_angles
 
 MODEL = "bivariate"
@@ -147,3 +147,13 @@ class Basis:
         weights = np.zeros((len(wi), *self.reflectance.weights.shape[2:]))
         weights[:, self.number] = 1.0
         return self.reflectance.evaluate(weights, np.array([0.0, 0.0, 1.0]), wi, wo)[0]
+
+
+def open_reflectance(folder: Path) -> Reflectance | Bivariate:
+    """Open a reflectance folder of either model; raise LightsphereError when it is none or is damaged."""
+    try:
+        value = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        tables = value["notes"]["model"] == MODEL
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LightsphereError(f"{folder} is no reflectance, or damaged ({error!r}); make one from a shape") from error
+    return Bivariate.open(folder) if tables else Reflectance.open(folder)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from .. import images
 from ..camera import Camera
@@ -52,6 +53,16 @@ class Shape:
         """Return the surface points in the world, (H, W, 3) [m]; NaN where not recovered."""
         origins, directions = self.camera.rays()
         return np.asarray(origins + self.depth[..., None].astype(np.float64) * directions)
+
+    def normals_at(self, uv: NDArray[Any]) -> NDArray[np.float64]:
+        """Return unit normals in the world (N, 3) of the known pixels nearest to texture coordinates (N, 2)."""
+        known = np.isfinite(self.normal).all(axis=-1)
+        row, column = distance_transform_edt(~known, return_distances=False, return_indices=True)
+        height, width = known.shape
+        i = np.clip((1 - uv[:, 1]) * height, 0, height - 1).astype(np.int64)
+        j = np.clip(uv[:, 0] * width, 0, width - 1).astype(np.int64)
+        normals = self.camera.normals_to_world(self.normal[row[i, j], column[i, j]])
+        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
     def save(self, folder: Path) -> None:
         """Write the shape's files into a folder, each atomically."""

@@ -238,20 +238,20 @@ def decompose(sight: Sight, options: Options, normals: NDArray[np.float64] | Non
     """
     start = yield from begin(sight, normals, options.by_symmetry)
     state = Alternation(sight, start, options)
-    objective = yield from _alternate(state, options, normals is None, "alternate")
+    objective = yield from alternate(state, options, normals is None, "alternate")
     if state.shape[2] > 1:
         single = state.merged()
-        if _usual(single) < PROMISING * _usual(state) + LITTLE:
-            descent = yield from _alternate(single, options, normals is None, "one basis")
-            if _usual(single) < _usual(state) + AS_WELL:
+        if usual(single) < PROMISING * usual(state) + LITTLE:
+            descent = yield from alternate(single, options, normals is None, "one basis")
+            if usual(single) < usual(state) + AS_WELL:
                 state, objective = single, descent
     if normals is not None:
         return _corrected(state, start, objective)
     return _between(state, start, objective)
 
 
-def _alternate(state: Alternation, options: Options, free: bool, label: str) -> Work[list[float]]:
-    """Run the rounds and return J after every one with settled certainty."""
+def alternate(state: Alternation, options: Options, free: bool, label: str) -> Work[list[float]]:
+    """Run the rounds and return J after every one with settled certainty; without ``free`` the normals are held."""
     objective: list[float] = []
     total = SETTLING + options.rounds
     for done in range(total):
@@ -270,7 +270,7 @@ def _alternate(state: Alternation, options: Options, free: bool, label: str) -> 
     return objective[SETTLING:]
 
 
-def _usual(state: Alternation) -> float:
+def usual(state: Alternation) -> float:
     """Return the median misfit of the pixels."""
     return float(np.median(state.misfit(state.normals, state.weights))) if len(state.normals) else 0.0
 
