@@ -17,7 +17,7 @@ from ..core.material.principled import Principled
 from ..core.shape import Shape
 from ..core.shape.back import closed
 from ..core.shape.mesh import relief
-from . import cycles, pixels
+from . import cycles, exports, pixels
 from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
 from .materials import Recovered, surface_material
@@ -34,11 +34,12 @@ STUDIO = (("Key", (-0.7, 0.75, 1.0), 0.8, 1.0), ("Fill", (1.0, 0.1, 0.7), 1.6, 0
 
 def write(
     path: Path,
-    shape: Shape,
+    shape: Shape | None,
     recovered: Recovered,
     name: str,
     settings: MaterialSettings = PLAIN,
     principled: Principled | None = None,
+    pbr: Path | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Write an asset.blend that renders as it is opened; what is open in this Blender is replaced by it.
@@ -47,14 +48,17 @@ def write(
     ----------
     path : Path
         The file.
-    shape : Shape
-        Gives the mesh, the camera and, where they are known, the errors against truth.
+    shape : Shape or None
+        Gives the mesh, the camera and, where they are known, the errors against truth; a ball shows the material where
+        there is none.
     recovered : Reflectance or Surface
     name : str
         Of the object.
     settings : MaterialSettings
     principled : Principled, optional
         Is kept in the file beside the faithful material, or shown in its place where the settings say so.
+    pbr : Path, optional
+        A folder for the Principled version's maps as plain textures.
     overwrite : bool
         Replace an existing file.
 
@@ -69,34 +73,20 @@ def write(
         When the file exists and may not be replaced, or cannot be written.
     """
     check_free(path, overwrite)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    item, normals = add_relief(bpy.context.scene, shape, name, settings)
+    if shape is None:
+        scene, item = ball_scene()
+        item.name, normals, seen_by = name, None, ball_camera(LONGER_SIDE)
+    else:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        scene, seen_by = bpy.context.scene, shape.camera
+        item, normals = add_relief(scene, shape, name, settings)
+        for key, value in _figures(shape).items():
+            item[key] = value
     dress(item, surface_material(name, recovered, normals))
     if principled is not None:
-        keep_principled(item, 0, principled, normals, settings.principled)
-    for key, value in _figures(shape).items():
-        item[key] = value
-    furnish(bpy.context.scene, shape.camera, relief(shape).vertices)
-    save(path, settings.textures)
-    return {"vertices": len(item.data.vertices), "triangles": len(item.data.polygons)}
-
-
-def write_ball(
-    path: Path,
-    recovered: Recovered,
-    name: str,
-    settings: MaterialSettings = PLAIN,
-    principled: Principled | None = None,
-    overwrite: bool = False,
-) -> dict[str, Any]:
-    """Write the same with a material on a ball."""
-    check_free(path, overwrite)
-    scene, item = ball_scene()
-    item.name = name
-    dress(item, surface_material(name, recovered))
-    if principled is not None:
-        keep_principled(item, 0, principled, None, settings.principled)
-    furnish(scene, ball_camera(LONGER_SIDE), np.array([item.bound_box[0], item.bound_box[6]]))
+        keep_principled(item, 0, principled, normals, settings.principled, pbr)
+    corners = np.array([item.bound_box[0], item.bound_box[6]]) + np.array(item.location)
+    furnish(scene, seen_by, corners)
     save(path, settings.textures)
     return {"vertices": len(item.data.vertices), "triangles": len(item.data.polygons)}
 
@@ -121,8 +111,14 @@ def keep_principled(
     principled: Principled,
     normals: NDArray[np.float32] | None,
     shown: bool,
+    pbr: Path | None,
 ) -> None:
-    """Keep the Principled version of a slot's material in the file; where it is shown, keep the faithful one."""
+    """Keep the Principled version of a slot's material in the file; where it is shown, keep the faithful one.
+
+    With a folder, its maps are written there as plain textures, too.
+    """
+    if pbr is not None:
+        exports.write_textures(pbr, principled, normals)
     faithful = item.material_slots[slot].material
     version = principled_material(faithful.name, principled, normals)
     (faithful if shown else version).use_fake_user = True

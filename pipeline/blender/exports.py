@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 from numpy.typing import NDArray
 
 from ..core import images
 from ..core.errors import LightsphereError
 from ..core.material.principled import Principled
 from . import exr, pixels, workers
-from .nodes import NORMAL_MAP
 from .principled import SUFFIX
 
 COMMAND = "export-worker"
@@ -75,25 +75,20 @@ def export(blend: Path, gltf: Path | None, usd: Path | None) -> None:
         )
 
 
-def write_textures(folder: Path, found: Principled) -> list[str]:
-    """Write maps as PNG files of 16 bits, with their conventions; return the files' names.
-
-    The normal map is that of the asset which is open in this Blender, where it has one.
-    """
+def write_textures(folder: Path, found: Principled, normal_map: NDArray[np.float32] | None) -> None:
+    """Write maps as PNG files of 16 bits, with their conventions."""
     folder.mkdir(parents=True, exist_ok=True)
     maps: dict[str, NDArray[Any]] = {
-        "base_color": pixels.srgb(pixels.filled(found.base)),
-        "specular_tint": pixels.srgb(pixels.filled(found.tint)),
+        "base_color": images.srgb(pixels.filled(found.base)),
+        "specular_tint": images.srgb(pixels.filled(found.tint)),
         "metallic": pixels.filled(found.metallic),
         "roughness": pixels.filled(found.roughness),
     }
-    for image in bpy.data.images:
-        if image.name.endswith(NORMAL_MAP):
-            maps["normal"] = pixels.array(image)
+    if normal_map is not None:
+        maps["normal"] = normal_map
     for name, values in maps.items():
         exr.write_png(folder / f"{name}.png", values)
     images.write_text(folder / "README.txt", CONVENTIONS)
-    return [f"{name}.png" for name in maps]
 
 
 def _dressed(layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:

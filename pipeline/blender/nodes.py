@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from .meshes import UV_LAYER
 
@@ -62,6 +65,14 @@ class Graph:
         node = self.add("ShaderNodeVectorMath", column, row, operation="SCALE", label=label, inputs=(vector,))
         self.feed(node.inputs["Scale"], factor)
         return node.outputs[0]
+
+    def feed_map(self, socket: Any, values: NDArray[np.float32], make: Callable[[], Any], row: float) -> None:
+        """Link a texture (H, W) or (H, W, 3) to an input, or set its value where it is the same everywhere."""
+        flat = values.reshape(-1, *values.shape[2:])
+        if np.ptp(flat, axis=0).max() == 0:
+            self.feed(socket, (*map(float, flat[0]), 1.0) if flat.ndim == 2 else float(flat[0]))
+        else:
+            self.feed(socket, self.texture(-2, 1.6 * row, make(), socket.name).outputs["Color"])
 
     def texture(self, column: float, row: float, image: bpy.types.Image, label: str) -> Any:
         """Add an Image Texture node that goes on at its border as it ends."""

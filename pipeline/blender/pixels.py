@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ..core import images
+
 
 def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
     """Make a float image that is stored inside the .blend.
@@ -56,15 +58,10 @@ def byte_image(name: str, values: NDArray[Any], colour: bool) -> bpy.types.Image
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :3] = values.reshape(height, width, -1)
     if colour:
-        rgba[..., :3] = srgb(rgba[..., :3])
+        rgba[..., :3] = images.srgb(rgba[..., :3])
     image.pixels.foreach_set(rgba[::-1].ravel())
     image.pack()
     return image
-
-
-def srgb(linear: NDArray[Any]) -> NDArray[Any]:
-    """Return linear values from 0 to 1 as sRGB values (IEC 61966-2-1)."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def unpack(folder: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -46,16 +48,11 @@ def principled_material(
     }
     for row, (socket, values) in enumerate(maps.items()):
         filled = pixels.filled(values)
-        if np.ptp(filled.reshape(-1, *filled.shape[2:]), axis=0).max() == 0:
-            first = filled[0, 0]
-            graph.feed(shader.inputs[socket], (*map(float, first), 1.0) if first.ndim else float(first))
-            continue
-        image = pixels.byte_image(f"{material.name} {socket}", filled, colour=filled.ndim == 3)
-        texture = graph.texture(-1.5, 1.6 * row, image, socket)
-        graph.feed(shader.inputs[socket], texture.outputs["Color"])
+        make = partial(pixels.byte_image, f"{material.name} {socket}", filled, colour=filled.ndim == 3)
+        graph.feed_map(shader.inputs[socket], filled, make, row)
     if normal_map is not None:
         image = pixels.byte_image(f"{material.name} Normal", pixels.filled(normal_map), colour=False)
-        texture = graph.texture(-1.5, 1.6 * len(maps), image, "Normals in tangent space")
+        texture = graph.texture(-2, 1.6 * len(maps), image, "Normals in tangent space")
         graph.feed(shader.inputs["Normal"], normal_from_map(graph, texture.outputs["Color"], 0, 1.6 * len(maps)))
     for key, value in found.notes.items():
         material[key] = value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 import numpy as np
@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from ..core import images
 from ..core.errors import LightsphereError
 from ..core.material import MaterialSettings
-from ..core.material.principled import fit_principled
-from ..core.material.surface import bases_of
+from ..core.material.principled import Principled
 from ..core.reflectance.bake import Visible, bake, texture_size
 from ..core.shape import Shape
 from ..core.shape.scan import Scan
 from . import asset, pixels, scans
 from .materials import Recovered, surface_material
+
+Maps = TypeVar("Maps", bound=Recovered | Principled)
 
 
 def write(
@@ -29,7 +30,8 @@ def write(
     mesh: Path,
     reflectance: Recovered,
     settings: MaterialSettings = asset.PLAIN,
-    principled: bool = False,
+    principled: Principled | None = None,
+    pbr: Path | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Write an asset.blend with the user's mesh; what is open in this Blender is replaced by it.
@@ -49,8 +51,10 @@ def write(
         Of the shape's pixels.
     settings : MaterialSettings
         Where textures go, and which version is shown; the mesh stays as it is.
-    principled : bool
-        Whether the Principled version is kept, too.
+    principled : Principled, optional
+        The Principled version of the shape's pixels, which is kept, too.
+    pbr : Path, optional
+        A folder for its maps as plain textures, in a folder of their own for every slot.
     overwrite : bool
         Replace an existing file.
 
@@ -79,15 +83,18 @@ def write(
             continue
         chosen = scan.select(part)
         sizes.append(texture_size(chosen, shown))
-        baked, confidence = _baked(reflectance, shape, chosen, sizes[-1], partial(caster.visible, shape.camera))
+        visible = partial(caster.visible, shape.camera)
+        baked, confidence = _baked(reflectance, shape, chosen, sizes[-1], visible)
         texels_seen += int((confidence > 0).sum())
         material = _textured(f"{item.name} {slot + 1}", baked, confidence)
         if len(item.data.materials):
             item.data.materials[slot] = material
         else:
             item.data.materials.append(material)
-        if principled:
-            asset.keep_principled(item, slot, fit_principled(*bases_of(baked)), None, settings.principled)
+        if principled is not None:
+            version, _ = _baked(principled, shape, chosen, sizes[-1], visible)
+            folder = None if pbr is None else pbr / material.name
+            asset.keep_principled(item, slot, version, None, settings.principled, folder)
     asset.furnish(bpy.context.scene, shape.camera, scan.corners.reshape(-1, 3))
     asset.save(path, settings.textures)
     vertices = sum(len(item.data.vertices) for item in items)
@@ -95,9 +102,9 @@ def write(
 
 
 def _baked(
-    reflectance: Recovered, shape: Shape, scan: Scan, size: int, visible: Visible
-) -> tuple[Recovered, NDArray[np.float32]]:
-    """Return the reflectance in a texture space, and its confidence."""
+    reflectance: Maps, shape: Shape, scan: Scan, size: int, visible: Visible
+) -> tuple[Maps, NDArray[np.float32]]:
+    """Return a dataclass of maps with its maps in a texture space, and their confidence."""
     maps = {
         item.name: value
         for item in dataclasses.fields(reflectance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import bpy
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.reflectance import Reflectance
 from . import pixels
-from .nodes import NEUTRAL, WHITE, Graph, new_material, normal_from_map
+from .nodes import NEUTRAL, NORMAL_MAP, WHITE, Graph, new_material, normal_from_map
 
 GROUP = "Lightsphere Surface"
 
@@ -37,7 +38,7 @@ SOCKETS = (
     Socket("Roughness", "NodeSocketFloat", 0.5, "Recovered width of the highlight"),
     Socket("Roughness Scale", "NodeSocketFloat", 1.0, "Multiplies the roughness; 1 is as captured", 10.0),
 )
-NORMAL_MAP = Socket("Normal Map", "NodeSocketColor", NEUTRAL, "Normals in tangent space, encoded 0 to 1")
+NORMALS = Socket(NORMAL_MAP, "NodeSocketColor", NEUTRAL, "Normals in tangent space, encoded 0 to 1")
 
 
 def single_lobe_material(
@@ -50,7 +51,7 @@ def single_lobe_material(
     """
     material = new_material(name)
     graph = Graph(material.node_tree)
-    label = GROUP if normal_map is None else f"{GROUP} with Normal Map"
+    label = GROUP if normal_map is None else f"{GROUP} with {NORMAL_MAP}"
     group = graph.add("ShaderNodeGroup", 0, 0, width=240.0, label=label)
     group.node_tree = bpy.data.node_groups.get(label) or surface_group(normal_map is not None)
     output = graph.add("ShaderNodeOutputMaterial", 1.6, 0)
@@ -63,16 +64,10 @@ def single_lobe_material(
         "Roughness": reflectance.roughness,
     }
     if normal_map is not None:
-        maps["Normal Map"] = normal_map
+        maps[NORMAL_MAP] = normal_map
     for row, (socket, values) in enumerate(maps.items()):
         filled = pixels.filled(values)
-        if np.ptp(filled) == 0:
-            value = float(filled.flat[0]) if filled.ndim == 2 else (*map(float, filled[0, 0]), 1.0)
-            graph.feed(group.inputs[socket], value)
-            continue
-        image = pixels.packed_image(f"{name} {socket}", filled)
-        texture = graph.texture(-2, 1.6 * row, image, socket)
-        graph.feed(group.inputs[socket], texture.outputs["Color"])
+        graph.feed_map(group.inputs[socket], filled, partial(pixels.packed_image, f"{name} {socket}", filled), row)
     for key in ("model", "material_rel_rms", "material_rel_rms_median", "held_out_lights"):
         if key in reflectance.notes:
             material[key] = reflectance.notes[key]
@@ -81,8 +76,8 @@ def single_lobe_material(
 
 def surface_group(normal_map: bool = False) -> bpy.types.NodeTree:
     """Make the node group: a Diffuse BSDF, a Glossy BSDF, and the gain of the same lobe at grazing angles."""
-    tree = bpy.data.node_groups.new(f"{GROUP} with Normal Map" if normal_map else GROUP, "ShaderNodeTree")
-    for socket in (*SOCKETS, *([NORMAL_MAP] if normal_map else [])):
+    tree = bpy.data.node_groups.new(f"{GROUP} with {NORMAL_MAP}" if normal_map else GROUP, "ShaderNodeTree")
+    for socket in (*SOCKETS, *([NORMALS] if normal_map else [])):
         made = tree.interface.new_socket(socket.name, in_out="INPUT", socket_type=socket.kind)
         made.default_value, made.description = socket.default, socket.tip
         if socket.kind == "NodeSocketFloat":
@@ -105,7 +100,7 @@ def surface_group(normal_map: bool = False) -> bpy.types.NodeTree:
     for lobe in (glossy, edge):
         graph.feed(lobe.inputs["Roughness"], roughness)
     if normal_map:
-        normal = normal_from_map(graph, given[NORMAL_MAP.name], -2, 3)
+        normal = normal_from_map(graph, given[NORMAL_MAP], -2, 3)
         for closure in (diffuse, glossy, edge):
             graph.feed(closure.inputs["Normal"], normal)
     share = graph.add("ShaderNodeMixShader", 0.4, 0.7, inputs=(grazing,))

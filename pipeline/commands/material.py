@@ -53,9 +53,10 @@ def material(
 
     if output.suffix != ".blend":
         raise LightsphereError(f"{output} is no .blend file; name the asset like asset.blend")
-    if output.exists() and not overwrite:
-        raise LightsphereError(f"{output} exists; choose another name, or replace it with --overwrite")
     exports.check_names(gltf, usd)
+    for path in (output, output.with_suffix(".html"), gltf, usd, pbr):
+        if path is not None and path.exists() and not overwrite:
+            raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
         output.parent.mkdir(parents=True, exist_ok=True)
         wanted = settings.principled or any((gltf, usd, pbr))
@@ -69,27 +70,22 @@ def made(
     source: Path, output: Path, settings: MaterialSettings, principled: bool, pbr: Path | None
 ) -> Work[dict[str, Any]]:
     """Make the asset of a source, with a page beside it and PBR textures in a folder, and return the figures."""
-    from ..blender import asset, exports, scanned_asset
+    from ..blender import asset, scanned_asset
     from ..core.material.principled import fit_principled
 
     shape, folder, found = yield from opened(source, settings)
     nearest = fit_principled(*bases_of(found)) if principled else None
     if isinstance(found, Surface):
         found = yield from judged(found, nearest, output.with_suffix(".html"), output.stem)
-    if shape is None:
-        figures = asset.write_ball(output, found, source.stem, settings, nearest, overwrite=True)
-    elif scan := shape.notes.get("mesh"):
+    if shape is not None and (scan := shape.notes.get("mesh")):
         mesh = (folder / scan).resolve()
-        figures = scanned_asset.write(output, shape, mesh, found, settings, principled, overwrite=True)
+        figures = scanned_asset.write(output, shape, mesh, found, settings, nearest, pbr, overwrite=True)
     else:
-        figures = asset.write(output, shape, found, "Recovered", settings, nearest, overwrite=True)
+        name = source.stem if shape is None else "Recovered"
+        figures = asset.write(output, shape, found, name, settings, nearest, pbr, overwrite=True)
     wanted = OF_MIXTURE if isinstance(found, Surface) else OF_ONE_LOBE
     figures |= {key: found.notes[key] for key in wanted if key in found.notes}
-    if nearest is not None:
-        figures |= nearest.notes
-        if pbr is not None:
-            figures["textures"] = exports.write_textures(pbr, nearest)
-    return figures
+    return figures | (nearest.notes if nearest is not None else {})
 
 
 def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None, Path, Reflectance | Surface]]:

@@ -54,6 +54,11 @@ def read_channels(path: Path) -> dict[str, NDArray[Any]]:
     return _read(path)
 
 
+def srgb(linear: NDArray[Any]) -> NDArray[np.float64]:
+    """Return linear values from 0 to 1 as sRGB values (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
 def write_rgb(path: Path, image: NDArray[Any]) -> None:
     """Write an (H, W, 3) image atomically as an OpenEXR file with channels R, G, B of the image's own type."""
     write_channels(path, {name: image[..., i] for i, name in enumerate("RGB")})

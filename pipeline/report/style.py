@@ -14,6 +14,8 @@ from matplotlib import font_manager, image
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..core import images
+
 PAPER = "#fbfaf7"
 INK = "#22262b"
 SOFT = "#737a82"
@@ -63,8 +65,7 @@ def picture_png(pixels: NDArray[Any]) -> bytes:
 
 def display(radiance: NDArray[Any], exposure: float = 1.0) -> NDArray[np.float64]:
     """Return linear radiance as sRGB values from 0 to 1 (IEC 61966-2-1); what is brighter than white is cut off."""
-    linear = np.clip(exposure * np.asarray(radiance, np.float64), 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return images.srgb(np.clip(exposure * np.asarray(radiance, np.float64), 0.0, 1.0))
 
 
 def exposure_for(radiance: NDArray[Any], percentile: float = 99.0) -> float:

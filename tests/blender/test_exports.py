@@ -17,6 +17,7 @@ from pipeline.blender.ball import ball_camera, ball_scene, dress
 from pipeline.blender.camera import add_camera
 from pipeline.blender.principled import principled_material
 from pipeline.blender.round_trip import compared
+from pipeline.core import images
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.material import STOPS, MaterialSettings, Mixture
@@ -78,10 +79,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     surface = Surface(Mixture((bases[0].lobe, bases[1].lobe), curves), weights, bases)
     nearest = fit_principled(bases, weights)
     settings = MaterialSettings(keep=0.5, back="closed")
-    figures = asset.write(folder / "asset.blend", shape, surface, "Thing", settings, nearest)
-    names = exports.write_textures(folder / "pbr", nearest)
+    figures = asset.write(folder / "asset.blend", shape, surface, "Thing", settings, nearest, folder / "pbr")
     exports.run(folder / "asset.blend", folder / "thing.glb", folder / "usd" / "thing.usda")
-    return {"folder": folder, "nearest": nearest, "figures": figures, "names": names}
+    return {"folder": folder, "nearest": nearest, "figures": figures}
 
 
 def gltf(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -107,7 +107,7 @@ def test_gltf_holds_mesh_textures_and_factors(made: dict[str, Any]) -> None:
     start = view.get("byteOffset", 0)
     path = made["folder"] / "base.png"
     path.write_bytes(binary[start : start + view["byteLength"]])
-    wanted = pixels.srgb(pixels.filled(made["nearest"].base))
+    wanted = images.srgb(pixels.filled(made["nearest"].base))
     np.testing.assert_allclose(picture(path), wanted, atol=tolerances.EIGHT_BITS)
     assert not np.allclose(picture(path)[::-1, ::-1], wanted, atol=0.05)
 
@@ -143,11 +143,10 @@ def test_usd_holds_a_materialx_network_whose_textures_are_there(made: dict[str, 
 
 def test_plain_textures_hold_what_was_fitted(made: dict[str, Any]) -> None:
     folder, nearest = made["folder"] / "pbr", made["nearest"]
-    assert set(made["names"]) == {
-        *("base_color.png", "specular_tint.png", "metallic.png", "roughness.png", "normal.png")
-    }
+    names = {"base_color.png", "specular_tint.png", "metallic.png", "roughness.png", "normal.png", "README.txt"}
+    assert {path.name for path in folder.iterdir()} == names
     for name, values in (
-        ("base_color", pixels.srgb(pixels.filled(nearest.base))),
+        ("base_color", images.srgb(pixels.filled(nearest.base))),
         ("roughness", pixels.filled(nearest.roughness)),
         ("metallic", pixels.filled(nearest.metallic)),
     ):
@@ -173,7 +172,7 @@ def test_a_blend_keeps_both_versions_and_shows_the_one_that_is_asked_for(made: d
     assert item.active_material.name == "Thing" and "Thing Principled" in bpy.data.materials
     surface = Surface(Mixture((Lobe("diffuse"),), np.ones((1, 1, len(STOPS), 3))), np.ones((1, 1, 1, 1), np.float32))
     planted = constant(Parameters(np.full(3, 0.5), np.ones(3), 0.0, 0.5))
-    asset.write_ball(tmp_path / "ball.blend", surface, "Ball", MaterialSettings(principled=True), planted)
+    asset.write(tmp_path / "ball.blend", None, surface, "Ball", MaterialSettings(principled=True), planted)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "ball.blend"))
     assert bpy.data.objects["Ball"].active_material.name == "Ball Principled" and "Ball" in bpy.data.materials
 
@@ -181,7 +180,7 @@ def test_a_blend_keeps_both_versions_and_shows_the_one_that_is_asked_for(made: d
 def test_textures_beside_the_file_are_whole(tmp_path: Path) -> None:
     weights = np.random.default_rng(1).uniform(0, 1, (6, 7, 2, 1)).astype(np.float32)
     surface = Surface(Mixture((Lobe("diffuse"),), np.ones((2, 1, len(STOPS), 3))), weights)
-    asset.write_ball(tmp_path / "ball.blend", surface, "Ball", MaterialSettings(textures="beside"))
+    asset.write(tmp_path / "ball.blend", None, surface, "Ball", MaterialSettings(textures="beside"))
     assert [path.name for path in (tmp_path / "ball_textures").iterdir()] == ["Ball Weights.exr"]
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "ball.blend"))
     image = bpy.data.images["Ball Weights"]

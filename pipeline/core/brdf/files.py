@@ -26,7 +26,7 @@ from .. import images
 from ..errors import LightsphereError
 from . import Brdf
 from .parametric import MODELS, parameters
-from .tabulated import Tabulated, filled
+from .tabulated import Tabulated, directions, filled
 
 MERL = (90, 90, 180)
 MERL_SCALE = np.array([1.0, 1.15, 1.66]) / 1500
@@ -95,18 +95,6 @@ def merl_nodes() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.f
     """Return the centres of the bins of theta_h, theta_d and phi_d of a MERL table [rad]."""
     h, d, p = ((np.arange(bins) + 0.5) / bins for bins in MERL)
     return h**2 * np.pi / 2, d * np.pi / 2, p * np.pi
-
-
-def directions(
-    theta_h: NDArray[np.float64], theta_d: NDArray[np.float64], phi_d: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return wi and wo (N, 3) of half and difference angles of one shape [rad], the half vector in the plane of x."""
-    h, d, p = (angle.ravel() for angle in (theta_h, theta_d, phi_d))
-    pair = []
-    for sign in (1.0, -1.0):
-        x, y, z = sign * np.sin(d) * np.cos(p), sign * np.sin(d) * np.sin(p), np.cos(d)
-        pair.append(np.stack([x * np.cos(h) + z * np.sin(h), y, z * np.cos(h) - x * np.sin(h)], axis=-1))
-    return pair[0], pair[1]
 
 
 def _read_merl(path: Path) -> Brdf:

@@ -98,6 +98,16 @@ def half_and_difference(wi: Array, wo: Array) -> tuple[Array, Array, Array]:
     return theta_h, theta_d, np.mod(np.arctan2(beside, along), np.pi)
 
 
+def directions(theta_h: Array, theta_d: Array, phi_d: Array) -> tuple[Array, Array]:
+    """Return wi and wo (N, 3) of half and difference angles of one shape [rad], the half vector in the plane of x."""
+    h, d, p = (angle.ravel() for angle in (theta_h, theta_d, phi_d))
+    pair = []
+    for sign in (1.0, -1.0):
+        x, y, z = sign * np.sin(d) * np.cos(p), sign * np.sin(d) * np.sin(p), np.cos(d)
+        pair.append(np.stack([x * np.cos(h) + z * np.sin(h), y, z * np.cos(h) - x * np.sin(h)], axis=-1))
+    return pair[0], pair[1]
+
+
 def filled(table: Array) -> tuple[Array, int]:
     """Give cells without a value (NaN, infinite or negative) the nearest cell's, and count them.
 

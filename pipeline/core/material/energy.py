@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import STOPS, Mixture, stop_shares
-from .quadrature import Directions, view
+from .quadrature import Directions, turned, view
 
 BETWEEN = 4  # cosines per interval of two stops at which albedos are taken
 LEAST_COSINE = 2e-3  # flatter views than 89.9 degrees have no area
@@ -40,7 +40,7 @@ def directional_albedo(
         wi, weight = view(float(cosine))
         wo = np.broadcast_to([np.sqrt(1 - cosine**2), 0.0, cosine], wi.shape)
         turns = [0.0] if isotropic else np.arange(8) * np.pi / 8
-        values = [np.tensordot(weight, f_cos(_turned(wi, turn), _turned(wo, turn)), axes=1) for turn in turns]
+        values = [np.tensordot(weight, f_cos(turned(wi, turn), turned(wo, turn)), axes=1) for turn in turns]
         albedos.append(np.max(values, axis=0))
     return np.asarray(albedos)
 
@@ -55,15 +55,11 @@ def bounded(mixture: Mixture) -> Mixture:
     factor = np.minimum(1.0, 1 / np.maximum(albedo.max(axis=2), 1e-30))  # (C, K)
     beside = stop_shares(cosines()) > 0
     lowest = np.min(np.where(beside[:, :, None], factor[:, None], 1.0), axis=0)  # (J, K)
-    notes = mixture.notes | {
-        "albedo_unbounded": albedo.max(axis=(0, 2)).tolist(),
-        "albedo": directional_albedo(
-            dataclasses.replace(mixture, curves=mixture.curves * lowest.T[:, None, :, None]).evaluate, isotropic
-        )
-        .max(axis=(0, 2))
-        .tolist(),
-    }
-    return dataclasses.replace(mixture, curves=mixture.curves * lowest.T[:, None, :, None], notes=notes)
+    lowered = dataclasses.replace(mixture, curves=mixture.curves * lowest.T[:, None, :, None])
+    after = albedo if (lowest == 1).all() else directional_albedo(lowered.evaluate, isotropic)
+    most = {"albedo_unbounded": albedo, "albedo": after}
+    notes = {name: values.max(axis=(0, 2)).tolist() for name, values in most.items()}
+    return dataclasses.replace(lowered, notes=mixture.notes | notes)
 
 
 def reciprocity_error(mixture: Mixture, pairs: Directions) -> NDArray[np.float64]:
@@ -76,8 +72,3 @@ def reciprocity_error(mixture: Mixture, pairs: Directions) -> NDArray[np.float64
     weight = (pairs.weight / pairs.wo[:, 2])[:, None]
     power = (weight * (there**2).mean(axis=2)).sum(axis=0)
     return np.asarray(np.sqrt((weight * ((there - back) ** 2).mean(axis=2)).sum(axis=0) / np.maximum(power, 1e-300)))
-
-
-def _turned(w: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack([w[:, 0] * cosine - w[:, 1] * sine, w[:, 0] * sine + w[:, 1] * cosine, w[:, 2]], axis=-1)

@@ -14,6 +14,7 @@ would rather have no highlight than one a little wrong. Not modelled: anisotropy
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -158,21 +159,17 @@ def _specular_albedo(roughness: float, cosine: Array, tint: float) -> Array:
     return np.asarray(np.interp(cosine, cosines(), tint * f0 + s))
 
 
+@functools.cache
 def _albedo_table() -> tuple[Array, Array]:
     """Return roughnesses (R,) and the albedos of G F0 (1 - s) and of G s there, (R, 2, C)."""
-    if not _TABLE:
-        knots = np.linspace(LEAST_ROUGHNESS, 1.0, 16)
-        parts = np.empty((len(knots), 2, len(cosines())))
-        for column, cosine in enumerate(cosines()):
-            wi, weight = view(float(cosine), half=64, turns=32)
-            wo = np.broadcast_to([np.sqrt(1 - cosine**2), 0.0, cosine], wi.shape)
-            s = _dielectric(np.linalg.norm(wi + wo, axis=1) / 2)
-            for row, roughness in enumerate(knots):
-                gloss = weight * Lobe("ggx", float(roughness)).evaluate(wi, wo)
-                gloss /= gloss.sum()  # Cycles takes what masking loses for reflected
-                parts[row, :, column] = (gloss * F0 * (1 - s)).sum(), (gloss * s).sum()
-        _TABLE.extend((knots, parts))
-    return _TABLE[0], _TABLE[1]
-
-
-_TABLE: list[Array] = []  # made once, when it is first asked for
+    knots = np.linspace(LEAST_ROUGHNESS, 1.0, 16)
+    parts = np.empty((len(knots), 2, len(cosines())))
+    for column, cosine in enumerate(cosines()):
+        wi, weight = view(float(cosine), half=64, turns=32)
+        wo = np.broadcast_to([np.sqrt(1 - cosine**2), 0.0, cosine], wi.shape)
+        s = _dielectric(np.linalg.norm(wi + wo, axis=1) / 2)
+        for row, roughness in enumerate(knots):
+            gloss = weight * Lobe("ggx", float(roughness)).evaluate(wi, wo)
+            gloss /= gloss.sum()  # Cycles takes what masking loses for reflected
+            parts[row, :, column] = (gloss * F0 * (1 - s)).sum(), (gloss * s).sum()
+    return knots, parts

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..brdf import tabulated
+
 HALF, DIFFERENCE, AZIMUTH = 90, 30, 16
 COARSE_HALF, COARSE_DIFFERENCE, COARSE_AZIMUTH = 48, 12, 12  # where h has an azimuth of its own to go through
 
@@ -97,23 +99,15 @@ def _pairs(half: int, turns: int, difference: int, azimuth: int) -> Directions:
         phi_d = phi_d * 2 * np.pi
     bins = np.pi * root / half * np.pi / (2 * difference) * (2 * np.pi) ** 2 / (turns * azimuth)
     weight = 4 * np.cos(theta_d) * np.sin(theta_d) * np.sin(theta_h) * bins
-    x, y, z = np.sin(theta_d) * np.cos(phi_d), np.sin(theta_d) * np.sin(phi_d), np.cos(theta_d)
-    pair = []
-    for sign in (1.0, -1.0):
-        tilted = sign * x * np.cos(theta_h) + z * np.sin(theta_h)
-        pair.append(
-            np.stack(
-                [
-                    tilted * np.cos(turn) - sign * y * np.sin(turn),
-                    tilted * np.sin(turn) + sign * y * np.cos(turn),
-                    z * np.cos(theta_h) - sign * x * np.sin(theta_h),
-                ],
-                axis=-1,
-            )
-        )
-    wi, wo = pair
+    wi, wo = (turned(w, turn) for w in tabulated.directions(theta_h, theta_d, phi_d))
     above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
     return Directions(wi[above], wo[above], (weight * wo[:, 2])[above])
+
+
+def turned(w: NDArray[np.float64], angle: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """Return directions (N, 3) turned about the normal by one angle or one each [rad]."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([w[:, 0] * cosine - w[:, 1] * sine, w[:, 0] * sine + w[:, 1] * cosine, w[:, 2]], axis=-1)
 
 
 def _centres(bins: int) -> NDArray[np.float64]:

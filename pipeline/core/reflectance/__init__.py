@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
+from ..capture import Capture
 from ..errors import LightsphereError
 from ..settings import setting
+from ..shape import Shape
 
 FILE = "reflectance.json"
 MODELS = ("bivariate", "ggx")
@@ -42,6 +44,22 @@ class ReflectanceSettings:
         8, "every how many-th light is kept from the fit to state the error on", unit="lights", low=3, high=1000
     )
     memory: float = setting(512.0, "observations held at once; the pixels are tiled accordingly", unit="MB", low=1.0)
+
+
+def recovered_pixels(shape: Shape, capture: Capture) -> NDArray[np.bool_]:
+    """Return the mask (H, W) of the pixels whose reflectance a capture can tell.
+
+    Raises
+    ------
+    LightsphereError
+        When the shape is of another capture, or has no recovered pixel.
+    """
+    if shape.camera.resolution != capture.camera.resolution:
+        raise LightsphereError("the shape is not of this capture's resolution; give the capture it was made from")
+    known = np.isfinite(shape.depth) & np.isfinite(shape.normal).all(-1) & (shape.confidence > 0)
+    if not known.any():
+        raise LightsphereError("the shape has no recovered pixel; recover the shape first")
+    return np.asarray(known)
 
 
 @dataclass(frozen=True)

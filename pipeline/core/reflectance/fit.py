@@ -20,7 +20,7 @@ from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Progress, Work
 from ..shape import Shape
-from . import Reflectance, ReflectanceSettings, lobes
+from . import Reflectance, ReflectanceSettings, lobes, recovered_pixels
 
 ROUGHNESSES = np.geomspace(0.06, 1.0, 24)
 STEP = float(np.log(ROUGHNESSES[1] / ROUGHNESSES[0]))
@@ -70,11 +70,7 @@ def fit(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> Work[R
     """
     if capture.lights.kind != "near":
         raise LightsphereError(f"the lights are {capture.lights.kind}; a first reflectance needs near lights")
-    if shape.camera.resolution != capture.camera.resolution:
-        raise LightsphereError("the shape is not of this capture's resolution; give the capture it was made from")
-    known = np.isfinite(shape.depth) & np.isfinite(shape.normal).all(-1) & (shape.confidence > 0)
-    if not known.any():
-        raise LightsphereError("the shape has no recovered pixel; recover the shape first")
+    known = recovered_pixels(shape, capture)
     pixels = _geometry(shape, known)
     lights = np.arange(len(capture))
     unseen = lights % settings.held_out == settings.held_out // 2

@@ -24,7 +24,7 @@ from ..shape.photometric.known_normals import tabulate, weigh
 from ..shape.photometric.pixel import predict
 from ..shape.photometric.sight import Sight, see
 from ..shape.photometric.start import seen_from
-from . import ReflectanceSettings, lobes
+from . import ReflectanceSettings, lobes, recovered_pixels
 from .bivariate import Bivariate
 
 HELD = 100  # bytes per value that the alternation needs at once: the value, its certainties and directions
@@ -57,11 +57,7 @@ def fit(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> Work[B
     LightsphereError
         When the lights are unknown or too few, the shape is of another capture, or a picture cannot be read.
     """
-    if shape.camera.resolution != capture.camera.resolution:
-        raise LightsphereError("the shape is not of this capture's resolution; give the capture it was made from")
-    known = np.isfinite(shape.depth) & np.isfinite(shape.normal).all(-1) & (shape.confidence > 0)
-    if not known.any():
-        raise LightsphereError("the shape has no recovered pixel; recover the shape first")
+    known = recovered_pixels(shape, capture)
     groups = interleaved(known, settings.memory * 2**20 / (HELD * len(capture)))
     sight = yield from see(capture, groups[0], shape.depth)
     normals = _normals(shape, groups[0], sight)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from pipeline.core.brdf import Brdf
-from pipeline.core.brdf.files import MERL, MERL_SCALE, directions, merl_nodes, read_brdf, write_merl, write_npz
+from pipeline.core.brdf.files import MERL, MERL_SCALE, merl_nodes, read_brdf, write_merl, write_npz
+from pipeline.core.brdf.tabulated import directions
 from pipeline.core.errors import LightsphereError
 from tests import tolerances
 from tests.core.brdf.materials import BRUSHED, GREY, ISOTROPIC, LOBE, RED, random_directions, random_table

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.brdf.files import directions
-from pipeline.core.brdf.tabulated import Tabulated, filled, half_and_difference
+from pipeline.core.brdf.tabulated import Tabulated, directions, filled, half_and_difference
 from pipeline.core.errors import LightsphereError
 from tests.core.brdf.materials import random_directions, random_table, reciprocal, turned_alike
 
