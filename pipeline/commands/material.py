@@ -75,14 +75,17 @@ def made(
 
     shape, folder, found = yield from opened(source, settings)
     nearest = fit_principled(*bases_of(found)) if principled else None
+    page = ""
     if isinstance(found, Surface):
-        found = yield from judged(found, nearest, output.with_suffix(".html"), output.stem)
+        found, page = yield from judged(found, nearest, output.stem)
     if shape is not None and (scan := shape.notes.get("mesh")):
         mesh = (folder / scan).resolve()
         figures = scanned_asset.write(output, shape, mesh, found, settings, nearest, pbr, overwrite=True)
     else:
         name = source.stem if shape is None else "Recovered"
         figures = asset.write(output, shape, found, name, settings, nearest, pbr, overwrite=True)
+    if page:
+        images.write_text(output.with_suffix(".html"), page)
     wanted = OF_MIXTURE if isinstance(found, Surface) else OF_ONE_LOBE
     figures |= {key: found.notes[key] for key in wanted if key in found.notes}
     return figures | (nearest.notes if nearest is not None else {})
@@ -113,21 +116,21 @@ def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None,
     return shape, folder, found
 
 
-def judged(found: Surface, nearest: Principled | None, page: Path, name: str) -> Work[Surface]:
-    """Render a surface's bases by Cycles, write the page and return the surface with what was found."""
+def judged(found: Surface, nearest: Principled | None, name: str) -> Work[tuple[Surface, str]]:
+    """Render a surface's bases by Cycles; return the surface with what was found, and its page."""
     from ..blender.render_cost import relative_cost
     from ..blender.round_trip import round_trip
     from ..report.material import Results, report
 
     turn = yield from round_trip(found.mixture, found.bases)
     costs = yield from relative_cost(found.mixture)
-    images.write_text(page, report(Results(name, found, turn.pictures, turn.against_table, costs, nearest)))
+    page = report(Results(name, found, turn.pictures, turn.against_table, costs, nearest))
     notes = {
         "rendered_rel_rms": turn.against_mixture.tolist(),
         "rendered_table_rel_rms": turn.against_table.tolist(),
         "render_cost": costs[-1],
     }
-    return dataclasses.replace(found, notes=found.notes | notes)
+    return dataclasses.replace(found, notes=found.notes | notes), page
 
 
 def summary(figures: dict[str, Any]) -> str:
