@@ -33,7 +33,7 @@ from .sums import Sums
 DIM = 0.3
 WORTH = 0.003  # of material_rel_rms, in the mean over the bases, that one more lobe must take off
 HARDLY = 0.002  # of the root of J, that a lobe takes off a basis which does without it
-SPECIAL = 1.1  # by how much J must be lower with a lobe that is no ggx lobe: others cost more to render
+SPECIAL = 1.3  # by how much J must be lower with a lobe that is no ggx lobe: others cost more to render
 PROMISING = 6  # lobes of the least J for the mean colour, of which the best for all colours is taken
 SWAPS = 2  # passes in which every lobe is chosen once more
 VIEWS = (*range(0, 90, 10), 90)  # bounds of the views for which the error is stated by themselves [degrees]
