@@ -143,6 +143,15 @@ class LIGHTSPHERE_OT_material(StageOperator, bpy.types.Operator):
     stage = "material"
 
 
+class LIGHTSPHERE_OT_compare(StageOperator, bpy.types.Operator):
+    """Render the asset as it is now under captured and new lights, and open maps of its errors. Esc stops"""
+
+    bl_idname = "lightsphere.compare"
+    bl_label = "Compare with the Capture"
+    bl_options = {"UNDO"}
+    stage = "compare"
+
+
 def allowed(operator: type, reason: str) -> bool:
     """Return whether a button can be pressed; where not, its tooltip says why."""
     if reason:
@@ -166,4 +175,5 @@ CLASSES = (
     LIGHTSPHERE_OT_import_photographs,
     LIGHTSPHERE_OT_shape,
     LIGHTSPHERE_OT_material,
+    LIGHTSPHERE_OT_compare,
 )

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.compare import CompareSettings
 from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.shape.settings import ShapeSettings
@@ -108,6 +109,19 @@ class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
         self.layout.prop(properties.of(context.scene), "shape_folder")
 
 
+class LIGHTSPHERE_PT_compare(StagePanel, bpy.types.Panel):
+    """The asset beside its capture."""
+
+    bl_idname = "LIGHTSPHERE_PT_compare"
+    bl_label = "Compare"
+    bl_options = {"DEFAULT_CLOSED"}
+    stage = "compare"
+    settings_type = CompareSettings
+
+    def draw_input(self, context: bpy.types.Context) -> None:
+        self.layout.prop(properties.of(context.scene), "capture_folder")
+
+
 def explain(layout: bpy.types.UILayout, reason: str) -> None:
     """Say below a grey button why it is grey."""
     if reason:
@@ -121,4 +135,5 @@ CLASSES = (
     LIGHTSPHERE_PT_import_photographs,
     LIGHTSPHERE_PT_shape,
     LIGHTSPHERE_PT_material,
+    LIGHTSPHERE_PT_compare,
 )

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.compare import CompareSettings
 from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.shape.settings import ShapeSettings
@@ -14,6 +15,7 @@ LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture
 LIGHTSPHERE_PG_import_photographs = settings.group(ImportSettings, "LIGHTSPHERE_PG_import_photographs")
 LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
 LIGHTSPHERE_PG_material = settings.group(MaterialSettings, "LIGHTSPHERE_PG_material")
+LIGHTSPHERE_PG_compare = settings.group(CompareSettings, "LIGHTSPHERE_PG_compare")
 
 
 class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
@@ -23,6 +25,7 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
     import_photographs: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_import_photographs)
     shape: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_shape)
     material: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_material)
+    compare: bpy.props.PointerProperty(type=LIGHTSPHERE_PG_compare)
     photographs: bpy.props.StringProperty(
         name="Photographs",
         description="Folder of photographs, one per light, or a list of lights (.lp), or a stack (.npz)",
@@ -48,6 +51,7 @@ CLASSES = (
     LIGHTSPHERE_PG_import_photographs,
     LIGHTSPHERE_PG_shape,
     LIGHTSPHERE_PG_material,
+    LIGHTSPHERE_PG_compare,
     LIGHTSPHERE_PG_scene,
 )
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 from pathlib import Path
 
 import bpy
 
+from ..pipeline.blender import asset as asset_files
 from ..pipeline.blender import capture, meshes, rig
 from ..pipeline.core.capture import Capture
 from ..pipeline.core.capture_settings import CaptureSettings
@@ -15,6 +17,7 @@ from ..pipeline.core.errors import LightsphereError
 from ..pipeline.core.shape.ply import read_ply
 
 ASSET = "asset.blend"
+FIGURES = "comparison.json"
 OWN_RIG = "scene"  # the rig setting that stands for the scene's rig object
 
 
@@ -64,14 +67,31 @@ def mesh(scene: bpy.types.Scene, folder: Path) -> bpy.types.Object:
     return meshes.add_mesh(scene, folder.name, read_ply(folder / "mesh.ply"), None)
 
 
+def assets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the objects of the scene that are an asset's."""
+    return [item for item in scene.objects if asset_files.MARK in item]
+
+
+def errors(folder: Path) -> dict[str, float]:
+    """Return the relative RMSE of each kind of pictures in a comparison."""
+    figures = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
+    return {name: one["relight_rel_rmse"] for name, one in figures["comparisons"].items()}
+
+
+def error_maps(folder: Path) -> list[bpy.types.Image]:
+    """Open the error maps of a comparison as images of this file; an Image Editor that is empty shows the first."""
+    maps = []
+    for path in sorted(folder.glob("*_error.png")):
+        maps.append(bpy.data.images.load(str(path)))
+        maps[-1].name = f"{folder.name} {path.stem}"
+        maps[-1].pack()
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.spaces.active.image is None:
+                area.spaces.active.image = maps[0]
+    return maps
+
+
 def asset(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     """Append the recovered object of an asset, with its material, to the scene; its camera and light stay behind."""
-    with bpy.data.libraries.load(str(path), link=False) as (there, here):
-        here.objects = there.objects
-    recovered, others = [], []
-    for item in here.objects:
-        (recovered if item.type == "MESH" else others).append(item)
-    bpy.data.batch_remove(others)
-    for item in recovered:
-        scene.collection.objects.link(item)
-    return recovered[0]
+    return asset_files.append(scene, path)[0]

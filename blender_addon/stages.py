@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
+from ..pipeline.core.compare import CompareSettings
 from ..pipeline.core.errors import LightsphereError
 from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
@@ -130,7 +131,36 @@ class Material(Stage):
         return f"The asset {results.asset(scene, folder / results.ASSET).name!r} is in the scene"
 
 
-STAGES: dict[str, Stage] = {stage.name: stage for stage in (Capture(), Import(), Shape(), Material())}
+class Compare(Stage):
+    """Render the asset beside its capture."""
+
+    name = "compare"
+    doing = "Comparing"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        folder = properties.of(scene).capture_folder
+        if not folder:
+            return "No capture is chosen yet"
+        if not results.finished(absolute(folder)):
+            return "No finished capture is there"
+        return "" if results.assets(scene) else "The scene has no asset: make one"
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        chosen = settings.values(properties.of(scene).compare, CompareSettings)
+        copy = folder / SCENE_COPY
+        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, check_existing=False)
+        capture = absolute(properties.of(scene).capture_folder)
+        figures = ["--json", str(folder / results.FIGURES)]
+        return ["compare", str(copy), str(capture), "-o", str(folder), *figures, *settings.options(chosen)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        results.error_maps(folder)
+        found = results.errors(folder).items()
+        words = ", ".join(f"{name.replace('_', ' ')} {100 * error:.2g} %" for name, error in found)
+        return f"Relative RMSE: {words}. Error maps are among the images, a page is in {folder}"
+
+
+STAGES: dict[str, Stage] = {stage.name: stage for stage in (Capture(), Import(), Shape(), Material(), Compare())}
 
 
 class Run:

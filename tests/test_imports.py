@@ -22,7 +22,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         NUMERIC | {"bpy", "typer", "rich"},
         {"pipeline/core", "pipeline/blender", "pipeline/report", "pipeline/commands"},
     ),
-    "pipeline/report": (NUMERIC | {"matplotlib"}, {"pipeline/core", "pipeline/report"}),
+    "pipeline/report": (NUMERIC | {"matplotlib", "flip_evaluator"}, {"pipeline/core", "pipeline/report"}),
     "scenes": ({"numpy"} | BLENDER, {"scenes"}),
     "blender_addon": ({"bpy"}, {"blender_addon", "pipeline"}),
 }

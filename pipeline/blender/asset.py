@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from ..core.camera import Camera
@@ -20,12 +21,14 @@ from ..core.shape.mesh import relief
 from . import cycles, exports, pixels
 from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
+from .geometry import BACKDROP
 from .materials import Recovered, surface_material
 from .meshes import add_mesh, decimated
 from .normal_maps import normal_map
 from .principled import principled_material
 
 PLAIN = MaterialSettings()
+MARK = "lightsphere_asset"  # property of the objects that an asset is made of: their matrix as they were captured
 LONGER_SIDE = 720  # pixels of the picture that F12 makes
 SKY = (0.055, 0.06, 0.07)
 #: Name, direction in camera space, side in extents of the object, radiance of a white surface that faces it.
@@ -102,6 +105,8 @@ def add_relief(
     if settings.back == "closed":
         mesh = closed(mesh, shape)
     item = add_mesh(scene, name, mesh, None)
+    mark(scene, item)
+    item.cycles.shadow_terminator_geometry_offset = 0.0  # its triangles are as small as pixels: nothing to hide
     return item, normal_map(item, shape, front)
 
 
@@ -124,6 +129,53 @@ def keep_principled(
     (faithful if shown else version).use_fake_user = True
     if shown:
         item.material_slots[slot].material = version
+
+
+def mark(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
+    """Note that an object is part of an asset, and where it stands as captured, from where an artist may move it."""
+    scene.view_layers[0].update()
+    item[MARK] = [number for row in item.matrix_world for number in row]
+
+
+def as_captured(item: bpy.types.Object) -> None:
+    """Put an object back to where :func:`mark` noted it; one without a note stays."""
+    if MARK in item:
+        item.parent = None
+        item.matrix_world = Matrix(np.reshape(item[MARK], (4, 4)).tolist())
+
+
+def append(scene: bpy.types.Scene, path: Path) -> list[bpy.types.Object]:
+    """Append the objects of an asset, with their materials, to a scene; its camera and lights stay behind.
+
+    Of a file in which nothing is marked as an asset, every mesh that renders.
+
+    Raises
+    ------
+    LightsphereError
+        When the file cannot be read or shows no mesh.
+    """
+    try:
+        with cycles.caught_output(), bpy.data.libraries.load(str(path), link=False) as (there, here):
+            here.objects = there.objects
+    except OSError as error:
+        raise LightsphereError(f"{path} cannot be opened ({error}); give the .blend of an asset") from error
+    loaded = set(here.objects)
+    meshes = [item for item in here.objects if item.type == "MESH" and not item.hide_render and not item.get(BACKDROP)]
+    kept = [item for item in meshes if MARK in item] or meshes
+    if not kept:
+        raise LightsphereError(f"{path} shows no mesh; give the .blend of an asset")
+    for item in kept:
+        scene.collection.objects.link(item)
+        loaded -= {item, *_above(item)}
+    bpy.data.batch_remove(loaded)
+    return kept
+
+
+def _above(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """Yield an object's parents, which carry it."""
+    while item.parent is not None:
+        item = item.parent
+        yield item
 
 
 def check_free(path: Path, overwrite: bool) -> None:

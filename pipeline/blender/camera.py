@@ -41,12 +41,17 @@ def add_camera(scene: bpy.types.Scene, camera: Camera, name: str = "Camera") -> 
     else:
         data.type = "ORTHO"
         data.ortho_scale = width / camera.focal[0]
-    aspect = camera.focal[0] / camera.focal[1]
     data.shift_x = 0.5 - camera.centre[0] / width
-    data.shift_y = (camera.centre[1] - height / 2) * aspect / width
-    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = (1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0)
+    data.shift_y = (camera.centre[1] - height / 2) * (camera.focal[0] / camera.focal[1]) / width
+    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = pixel_aspect(camera)
     made = bpy.data.objects.new(name, data)
     made.matrix_world = Matrix(camera.to_world.tolist())
     scene.collection.objects.link(made)
     scene.camera = made
     return made
+
+
+def pixel_aspect(camera: Camera) -> tuple[float, float]:
+    """Return the sides of a pixel as a Blender scene has them, the shorter one 1."""
+    aspect = camera.focal[0] / camera.focal[1]
+    return (1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0)

@@ -106,7 +106,7 @@ def render_lights(scene: bpy.types.Scene, capture: Capture, lights: Iterable[int
     settings = capture.notes["settings"]
     transport = cycles.Transport(**capture.notes["transport"])
     with (
-        cycles.measuring(scene, capture.camera.resolution[0], transport, settings["seed"], threads),
+        cycles.measuring(scene, capture.camera, transport, settings["seed"], threads),
         cycles.openexr(scene, pixel_type=settings["pixel_type"]),
         cycles.own_lights_hidden(scene),
         cycles.meshes_cached(scene),

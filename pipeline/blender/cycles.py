@@ -16,8 +16,10 @@ from typing import Any
 
 import bpy
 
+from ..core.camera import Camera
 from ..core.errors import LightsphereError
 from . import exr, interrupts
+from .camera import pixel_aspect
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,6 @@ LIBC = ctypes.CDLL(None if os.name == "posix" else "ucrtbase")
 RENDER: dict[str, Any] = {
     "engine": "CYCLES",
     "resolution_percentage": 100,
-    "pixel_aspect_x": 1.0,
-    "pixel_aspect_y": 1.0,
     "use_border": False,
     "use_motion_blur": False,
     "use_freestyle": False,
@@ -109,9 +109,9 @@ def changed(owner: Any, values: dict[str, Any]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def measuring(
-    scene: bpy.types.Scene, resolution: int, transport: Transport, seed: int = 0, threads: int = 0
+    scene: bpy.types.Scene, camera: Camera, transport: Transport, seed: int = 0, threads: int = 0
 ) -> Iterator[None]:
-    """Set a scene up for square, linear, unfiltered, unclamped pictures of the given light paths.
+    """Set a scene up for linear, unfiltered, unclamped pictures of a camera's size and the given light paths.
 
     Blackman-Harris of the smallest width samples pixel centres, to the rounding of float32, so that direct light at
     one sample has no noise. The box ignores its width: Cycles spreads it over the whole pixel, and places the first
@@ -128,7 +128,9 @@ def measuring(
         "caustics_refractive": transport.caustics,
     }
     render = RENDER | {f"use_stamp_{name}": False for name in STAMPS}
-    render |= {"resolution_x": resolution, "resolution_y": resolution, "filepath": scene.render.filepath}
+    width, height = camera.resolution
+    render |= {"resolution_x": width, "resolution_y": height, "filepath": scene.render.filepath}
+    render |= dict(zip(("pixel_aspect_x", "pixel_aspect_y"), pixel_aspect(camera), strict=True))
     render |= {"threads_mode": "FIXED", "threads": threads} if threads else {}
     with contextlib.ExitStack() as stack:
         stack.enter_context(changed(scene, {"world": None}))

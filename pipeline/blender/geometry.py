@@ -41,6 +41,13 @@ def object_triangles(scene: bpy.types.Scene) -> NDArray[np.float64]:
     return np.concatenate(found)
 
 
+def hide_object(scene: bpy.types.Scene) -> None:
+    """Keep what is not backdrop from renders."""
+    for item in scene.objects:
+        if item.type in RENDERED and not item.get(BACKDROP):
+            item.hide_render = True
+
+
 def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]) -> None:
     """Raise LightsphereError naming the first light that stands inside the object or on its surface.
 

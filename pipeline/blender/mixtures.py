@@ -7,6 +7,7 @@ and roughness scale of the whole. At their defaults they change nothing, and Cyc
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -92,9 +93,9 @@ def mixture_group(name: str, mixture: Mixture, coloured: bool, normal_map: bool)
     diffuse, glossy = _bases(graph, given, len(mixture.curves), coloured)
     closures = []
     for number, lobe in enumerate(mixture.lobes):
-        colours = diffuse if lobe.kind == "diffuse" else glossy
+        amounts = diffuse if lobe.kind == "diffuse" else glossy
         if mixture.curves[:, number].any():
-            closures.append(_closure(graph, given, number, lobe, mixture.curves[:, number], colours, normal, cosine))
+            closures.append(_closure(graph, given, number, lobe, mixture.curves[:, number], amounts, normal, cosine))
     graph.frame = None
     total = closures[0]
     for row, closure in enumerate(closures[1:], start=1):
@@ -154,7 +155,7 @@ def _view(graph: Graph, given: Any, normal_map: bool) -> tuple[Any, Any]:
 
 
 def _bases(graph: Graph, given: Any, count: int, coloured: bool) -> tuple[list[Any], list[Any]]:
-    """Return what multiplies each basis's diffuse and its glossy curves: colours."""
+    """Return what multiplies each basis's diffuse and its glossy curves: colours where the weights carry them."""
     weights = [given[_weight(k)] for k in range(1, count + 1)]
     graph.framed("Exchange of bases")
     row = 0.0
@@ -167,23 +168,15 @@ def _bases(graph: Graph, given: Any, count: int, coloured: bool) -> tuple[list[A
         )
         row += 1.7
     graph.framed("Strength of the bases")
+    multiply = graph.scaled if coloured else partial(graph.math, "MULTIPLY")
     diffuse, glossy = [], []
     for k, weight in enumerate(weights):
         row, n = 2.0 * k, k + 1
-        strength = given[f"Strength {n}"]
         factor = graph.math(
-            "MULTIPLY", -4, row + 0.9, given[f"Specular {n}"], given["Specular Scale"], label="Specular"
+            "MULTIPLY", -3, row + 0.9, given[f"Specular {n}"], given["Specular Scale"], label="Specular"
         )
-        if coloured:
-            colour = graph.scaled(-3, row, weight, strength, f"Basis {n}")
-            diffuse.append(graph.vector("MULTIPLY", -2, row, colour, given["Tint"], label=f"Diffuse {n}"))
-            tinted = graph.vector("MULTIPLY", -2, row + 0.9, colour, given["Specular Tint"], label=f"Specular {n}")
-            glossy.append(graph.scaled(-1, row + 0.9, tinted, factor, f"Specular {n}"))
-        else:
-            amount = graph.math("MULTIPLY", -3, row, weight, strength, label=f"Basis {n}")
-            shine = graph.math("MULTIPLY", -3, row + 0.9, amount, factor, label=f"Specular {n}")
-            diffuse.append(graph.scaled(-2, row, given["Tint"], amount, f"Diffuse {n}"))
-            glossy.append(graph.scaled(-2, row + 0.9, given["Specular Tint"], shine, f"Specular {n}"))
+        diffuse.append(multiply(-3, row, weight, given[f"Strength {n}"], label=f"Basis {n}"))
+        glossy.append(multiply(-2, row + 0.9, diffuse[-1], factor, label=f"Specular {n}"))
     return diffuse, glossy
 
 
@@ -204,7 +197,7 @@ def _closure(
     number: int,
     lobe: Lobe,
     curves: NDArray[np.float64],
-    colours: list[Any],
+    amounts: list[Any],
     normal: Any,
     cosine: Any,
 ) -> Any:
@@ -218,10 +211,13 @@ def _closure(
         ramp = _ramp(graph, k + 1, row, curve, f"Basis {k + 1}")
         graph.feed(ramp.inputs[0], cosine)
         if colour is None:
-            colour = graph.vector("MULTIPLY", k + 2, row + 1.3, ramp.outputs["Color"], colours[k])
+            colour = graph.vector("MULTIPLY", k + 2, row + 1.3, ramp.outputs["Color"], amounts[k])
         else:
-            colour = graph.vector("MULTIPLY_ADD", k + 2, row + 1.3, ramp.outputs["Color"], colours[k], colour)
+            colour = graph.vector("MULTIPLY_ADD", k + 2, row + 1.3, ramp.outputs["Color"], amounts[k], colour)
     column = len(curves) + 3
+    # once for all bases: a white tint then costs nothing
+    tint = given["Tint" if lobe.kind == "diffuse" else "Specular Tint"]
+    colour = graph.vector("MULTIPLY", column - 1, row + 1.3, colour, tint, label="Tint")
     kind, properties = CLOSURES[lobe.kind]
     node = graph.add(kind, column, row, **properties)
     if lobe.kind != "diffuse":

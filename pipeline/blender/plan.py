@@ -138,11 +138,11 @@ class Probe:
 
     def _light(self, transport: cycles.Transport, shadows: bool = True) -> Work[tuple[float, float]]:
         """Return the sum of the object's pixels under all probe lights, and the seconds that took."""
-        scene, resolution = self._scene, self._settings.probe_resolution
+        scene, camera = self._scene, camera_of(self._scene, self._settings.probe_resolution)
         total, seconds = 0.0, 0.0
         with (
             tempfile.TemporaryDirectory() as folder,
-            cycles.measuring(scene, resolution, transport),
+            cycles.measuring(scene, camera, transport),
             cycles.openexr(scene),
             cycles.own_lights_hidden(scene),
             cycles.meshes_cached(scene),

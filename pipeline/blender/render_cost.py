@@ -28,11 +28,12 @@ def relative_cost(mixture: Mixture) -> Work[list[float]]:
     Returns
     -------
     list of float
-        Seconds over those of one Principled BSDF that reads the same weight map, for 0, 1, .. lobes: light bounces
-        between sphere and sky. The least of a few turns, in which all materials are rendered one after the other.
+        Processor seconds over those of one Principled BSDF that reads the same weight map, for 0, 1, .. lobes: light
+        bounces between sphere and sky. The least of a few turns, in which all materials are rendered one by one.
     """
     scene, item = ball_scene()
-    add_camera(scene, ball_camera(SIDE))
+    camera = ball_camera(SIDE)
+    add_camera(scene, camera)
     random = np.random.default_rng(0)
     weights = random.uniform(0, 1, (TEXELS, TEXELS, len(mixture.curves), 1)).astype(np.float32)
     parts = [Mixture(mixture.lobes[:n], mixture.curves[:, :n]) for n in range(1, len(mixture.lobes) + 1)]
@@ -42,16 +43,16 @@ def relative_cost(mixture: Mixture) -> Work[list[float]]:
     transport = cycles.Transport(BOUNCES, samples=SAMPLES)
     with (
         tempfile.TemporaryDirectory() as folder,
-        cycles.measuring(scene, SIDE, transport),
+        cycles.measuring(scene, camera, transport),
         cycles.changed(scene, {"world": asset.sky()}),
         cycles.openexr(scene),
     ):
         for turn in range(REPEATS):
             for number, material in enumerate(materials):
                 dress(item, material)
-                start = time.perf_counter()
+                start = time.process_time()
                 cycles.render(scene, Path(folder) / "cost.exr")
-                seconds[turn, number] = time.perf_counter() - start
+                seconds[turn, number] = time.process_time() - start
                 yield Progress("cost", turn * len(materials) + number + 1, seconds.size, "pictures")
     least = seconds.min(axis=0)
     return [float(s) for s in least[:-1] / least[-1]]

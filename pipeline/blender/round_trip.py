@@ -22,7 +22,7 @@ from ..core.camera import Camera
 from ..core.lights import Lights
 from ..core.material import Mixture
 from ..core.material.surface import Surface
-from ..core.progress import Progress, Work
+from ..core.progress import Progress, Work, retold
 from . import truth, views
 from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
@@ -85,14 +85,10 @@ def _suns() -> Lights:
 
 
 def _under(scene: bpy.types.Scene, camera: Camera, suns: Lights, number: int, count: int) -> Work[NDArray[np.float32]]:
-    work = views.under_lights(scene, camera, suns)
-    while True:
-        try:
-            step = next(work)
-        except StopIteration as end:
-            shown: NDArray[np.float32] = end.value
-            return shown
-        yield Progress("round trip", number * len(suns) + step.done, count * len(suns), "pictures")
+    def told(step: Progress) -> Progress:
+        return Progress("round trip", number * len(suns) + step.done, count * len(suns), "pictures")
+
+    return (yield from retold(views.under_lights(scene, camera, suns), told))
 
 
 def _normals(scene: bpy.types.Scene, camera: Camera) -> NDArray[np.float64]:

@@ -82,6 +82,7 @@ def write(
         if not len(shown):
             continue
         chosen = scan.select(part)
+        asset.mark(bpy.context.scene, item)
         sizes.append(texture_size(chosen, shown))
         visible = partial(caster.visible, shape.camera)
         baked, confidence = _baked(reflectance, shape, chosen, sizes[-1], visible)

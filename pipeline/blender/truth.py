@@ -38,7 +38,7 @@ def write(scene: bpy.types.Scene, camera: Camera, folder: Path) -> None:
     LightsphereError
         When the camera does not see the object, or something in the scene shines by itself.
     """
-    passes = _render(scene, camera.resolution[0], folder)
+    passes = _render(scene, camera, folder)
     hit = passes["object"][..., 0] > 0
     mask = passes["object"][..., 0] == OBJECT_INDEX
     if not mask.any():
@@ -64,11 +64,11 @@ def _depth(position: NDArray[Any], camera: Camera) -> NDArray[np.float64]:
     return np.asarray(((position.astype(np.float64) - origins) * directions).sum(axis=-1))
 
 
-def _render(scene: bpy.types.Scene, resolution: int, folder: Path) -> dict[str, NDArray[Any]]:
+def _render(scene: bpy.types.Scene, camera: Camera, folder: Path) -> dict[str, NDArray[Any]]:
     path = exr.partial_name(folder / "passes.exr")  # a killed run's is removed with its other partial files
     layer = scene.view_layers[0]
     with (
-        cycles.measuring(scene, resolution, cycles.DIRECT),
+        cycles.measuring(scene, camera, cycles.DIRECT),
         cycles.openexr(scene, layers=True),
         cycles.changed(layer, dict.fromkeys(PASSES + INDICES, True)),
         _indices(scene),

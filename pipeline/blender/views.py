@@ -17,7 +17,7 @@ from ..core.shape import Shape
 from . import asset, cycles, exr, lamps
 from .ball import dress
 from .camera import add_camera
-from .geometry import BACKDROP
+from .geometry import hide_object
 from .materials import Recovered, surface_material
 
 STUDIO = {
@@ -31,9 +31,7 @@ STUDIO = {
 
 def exchange(scene: bpy.types.Scene, shape: Shape, recovered: Recovered) -> bpy.types.Object:
     """Put the recovered object in the place of the scene's own, which is hidden; its surroundings stay."""
-    for item in scene.objects:
-        if item.type == "MESH" and not item.get(BACKDROP):
-            item.hide_render = True
+    hide_object(scene)
     added, normals = asset.add_relief(scene, shape, "Recovered")
     dress(added, surface_material("Recovered", recovered, normals))
     return added
@@ -75,13 +73,19 @@ def picture(scene: bpy.types.Scene, camera: Camera, passes: int, samples: int) -
     return (total / passes).astype(np.float32)
 
 
-def under_lights(scene: bpy.types.Scene, camera: Camera, lights: Lights) -> Work[NDArray[np.float32]]:
-    """Render direct light from one point light at a time as a capture does, (L, H, W, 3)."""
+def under_lights(
+    scene: bpy.types.Scene,
+    camera: Camera,
+    lights: Lights,
+    transport: cycles.Transport = cycles.DIRECT,
+    seed: int = 0,
+) -> Work[NDArray[np.float32]]:
+    """Render a scene under one light at a time as a capture does, (L, H, W, 3)."""
     add_camera(scene, camera)
     pictures = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        cycles.measuring(scene, camera.resolution[0], cycles.DIRECT),
+        cycles.measuring(scene, camera, transport, seed),
         cycles.openexr(scene),
         cycles.own_lights_hidden(scene),
         cycles.meshes_cached(scene),

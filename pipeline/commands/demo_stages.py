@@ -13,15 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..core import images
-from ..core.camera import Camera
 from ..core.capture import Capture
 from ..core.capture_settings import CaptureSettings, PlanSettings
-from ..core.compare import relative_rmse
+from ..core.compare.lights import new_lights
+from ..core.compare.pictures import relative_rmse
 from ..core.errors import LightsphereError
-from ..core.lights import Lights
-from ..core.progress import Progress, Work
+from ..core.progress import Progress, Work, retold
 from ..core.reflectance import Reflectance, ReflectanceSettings
-from ..core.rig import sphere
 from ..core.shape import Shape
 from ..core.shape.mesh import relief
 from ..core.shape.ply import write_ply
@@ -181,7 +179,7 @@ class Demo:
         reflectance = Reflectance.open(self.folder / "reflectance")
         centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
         camera = capture.camera.orbited(centre, NEW_VIEW_DEGREES).resized(self._view_pixels())
-        lamps = new_lamps(capture)
+        lamps = new_lights(capture.lights, capture.camera, NEW_LAMPS)
         folder = self._made("views")
         relit = []
         for name in ("true", "asset"):
@@ -252,21 +250,6 @@ class Demo:
         return self.folder / name
 
 
-def new_lamps(capture: Capture) -> Lights:
-    """Return lamps on the camera's side, between the two spheres, none where the capture had one."""
-    positions = capture.lights.position
-    centre = positions.mean(axis=0)
-    inner, outer = (
-        float(np.linalg.norm(positions[capture.lights.on(surface)] - centre, axis=1).mean())
-        for surface in ("inner", "outer")
-    )
-    directions = sphere(3 * NEW_LAMPS)
-    front = directions @ _backward(capture.camera)
-    chosen = directions[np.argsort(-front)[:NEW_LAMPS]]
-    intensity = np.repeat(capture.lights.intensity[:1], NEW_LAMPS, axis=0)
-    return Lights("near", centre + (inner + outer) / 2 * chosen, intensity, np.full(NEW_LAMPS, 2))
-
-
 def _described(name: str) -> str:
     """The scene in words."""
     from ..blender.scene import library
@@ -275,19 +258,9 @@ def _described(name: str) -> str:
     return str(scenes[name].description) if name in scenes else Path(name).stem
 
 
-def _backward(camera: Camera) -> Any:
-    """The direction from the scene to the camera."""
-    return camera.to_world[:3, 2]
-
-
 def _renamed(work: Work[Any], name: str) -> Work[Any]:
     """Let a work's progress go by another name."""
-    while True:
-        try:
-            step = next(work)
-        except StopIteration as end:
-            return end.value
-        yield dataclasses.replace(step, stage=name)
+    return retold(work, lambda step: dataclasses.replace(step, stage=name))
 
 
 def _shares(stage: Stage) -> Any:

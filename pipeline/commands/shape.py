@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from ..core.capture import Capture
-from ..core.compare import shape_errors
+from ..core.compare.shapes import shape_errors
 from ..core.errors import LightsphereError
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover

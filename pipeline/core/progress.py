@@ -32,6 +32,17 @@ class Progress:
 Work = Generator[Progress, None, Result]
 
 
+def retold(work: Work[Result], tell: Callable[[Progress], Progress]) -> Work[Result]:
+    """Let long work that is a part of another tell its steps as steps of that."""
+    while True:
+        try:
+            step = next(work)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+        yield tell(step)
+
+
 def finish(work: Work[Result], report: Callable[[Progress], None] | None = None) -> Result:
     """Run a generator to its end and return its result.
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .capture import Capture
-from .compare import shape_errors
+from .compare.shapes import shape_errors
 from .errors import LightsphereError
 from .progress import Progress, Work
 from .shape import Shape
@@ -47,7 +47,7 @@ class Trial:
     seconds : float
         Of the solve, reading the pictures included.
     errors : dict of str to float
-        Against truth, named as in :func:`pipeline.core.compare.shape_errors`; without truth ``material_rel_rms``.
+        Against truth, named as in :func:`.compare.shapes.shape_errors`; without truth ``material_rel_rms``.
     """
 
     label: str

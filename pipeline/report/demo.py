@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.capture import Capture, Truth
-from ..core.compare import depth_error_pct, picture_error
+from ..core.compare.pictures import picture_error
+from ..core.compare.shapes import depth_error_pct
 from ..core.shape import Shape
 from ..core.shape.mesh import Mesh
 from ..core.tradeoff import Trial, dominated

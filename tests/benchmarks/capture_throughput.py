@@ -54,7 +54,7 @@ def _render(folder: Path, settings: CaptureSettings, side: int) -> tuple[float, 
     loaded = scene.load(SCENE)
     described = capture.describe(loaded, SCENE, folder, settings)
     with (
-        cycles.measuring(loaded, side, cycles.DIRECT, threads=2),
+        cycles.measuring(loaded, described.camera.resized(side), cycles.DIRECT, threads=2),
         cycles.openexr(loaded),
         cycles.meshes_cached(loaded),
         lamps.lamp(loaded, "near") as lamp,

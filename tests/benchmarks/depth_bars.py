@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from pipeline import cli
 from pipeline.core.camera import Camera
 from pipeline.core.capture import Capture
-from pipeline.core.compare import shape_errors
+from pipeline.core.compare.shapes import shape_errors
 from pipeline.core.progress import finish
 from pipeline.core.shape import Shape
 from pipeline.core.shape.double_sphere import recover

@@ -34,7 +34,7 @@ import normal_figures as figures
 import tabulated
 
 from pipeline.core.capture import Capture
-from pipeline.core.compare import depth_error_pct
+from pipeline.core.compare.shapes import depth_error_pct
 from pipeline.core.reflectance.bivariate import Bivariate
 from pipeline.core.shape import Shape
 

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from pipeline.core.camera import Camera
 from pipeline.core.capture import Capture
-from pipeline.core.compare import normal_error_deg
+from pipeline.core.compare.shapes import normal_error_deg
 from pipeline.core.reflectance.bivariate import Bivariate
 from pipeline.core.shape import Shape
 

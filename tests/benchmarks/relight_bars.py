@@ -25,7 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from pipeline import cli
 from pipeline.commands.relight import opened
 from pipeline.core.capture import Capture
-from pipeline.core.compare import relative_rmse, shape_errors
+from pipeline.core.compare.pictures import relative_rmse
+from pipeline.core.compare.shapes import shape_errors
 from pipeline.core.progress import finish
 from pipeline.core.relight import RelightSettings
 from pipeline.core.relight.emitters import point

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from pipeline.blender.geometry import BACKDROP
 from pipeline.core.lights import Lights
 
 
@@ -49,6 +50,14 @@ def aim(scene: bpy.types.Scene, place: tuple[float, float, float], angle: float)
 
 def lambert(albedo: float) -> bpy.types.Scene:
     return ball("ShaderNodeBsdfDiffuse", {"Color": (albedo, albedo, albedo, 1)})
+
+
+def ground(scene: bpy.types.Scene, height: float) -> None:
+    """Add a dark disk that is not the object, within the light spheres."""
+    bpy.ops.mesh.primitive_circle_add(vertices=64, radius=1.6, fill_type="NGON", location=(0, 0, height))
+    item = bpy.context.object
+    item[BACKDROP] = True
+    item.data.materials.append(bpy.data.materials.new("Ground"))
 
 
 def lights_file(path: object, lights: Lights) -> str:

@@ -18,6 +18,7 @@ import typer.main
 from pipeline import cli
 from pipeline.core.capture import Capture
 from pipeline.core.capture_settings import CaptureSettings
+from pipeline.core.compare import CompareSettings
 from pipeline.core.errors import LightsphereError
 from pipeline.core.material import MaterialSettings
 from pipeline.core.photographs.settings import ImportSettings
@@ -34,6 +35,7 @@ SETTINGS = {
     "import_photographs": ImportSettings,
     "shape": ShapeSettings,
     "material": MaterialSettings,
+    "compare": CompareSettings,
 }
 COMMAND = {name: name for name in SETTINGS} | {"import_photographs": "import"}  # which Python keeps for itself
 
@@ -125,7 +127,8 @@ def test_what_the_panel_shows_is_what_the_command_gets(addon: None, stage: str) 
             setattr(shown, item.name, item.default + 1)
     settings = part("settings").values(shown, SETTINGS[stage])
     words = part("settings").options(settings)
-    arguments = [COMMAND[stage], "IN", "-o", "OUT", *words]
+    references = ["CAPTURE"] if stage == "compare" else []
+    arguments = [COMMAND[stage], "IN", *references, "-o", "OUT", *words]
     context = typer.main.get_command(cli.app).make_context("lightsphere", arguments[:1], resilient_parsing=True)
     command = context.command.commands[COMMAND[stage]]
     parsed = command.make_context(stage, arguments[1:], parent=context).params
@@ -144,6 +147,7 @@ def test_a_button_that_cannot_run_says_why(scene: bpy.types.Scene, tmp_path: Pat
     assert lacks("capture", scene) == ""
     assert "No capture" in lacks("shape", scene)
     assert "No shape" in lacks("material", scene)
+    assert "No capture" in lacks("compare", scene)
     assert not bpy.ops.lightsphere.shape.poll()
     scene.lightsphere.capture_folder = "//nowhere"
     assert "No finished capture" in lacks("shape", scene)
@@ -194,6 +198,13 @@ def test_from_rig_to_asset(scene: bpy.types.Scene, tmp_path: Path) -> None:
     asset = scene.objects["Recovered"]
     assert asset.data.uv_layers and asset.active_material.node_tree.nodes
     assert len([item for item in scene.objects if item.type == "CAMERA"]) == 1
+    asset.location.x += 3  # to look at it beside the original
+    scene.lightsphere.compare.lights, scene.lightsphere.compare.bounces = 2, 0
+    assert bpy.ops.lightsphere.compare() == {"FINISHED"}
+    maps = [image for image in bpy.data.images if image.name.startswith("compare_001 ")]
+    assert len(maps) == 3 and all(image.packed_file and image.size[0] > 100 for image in maps)
+    found = json.loads((tmp_path / "work.lightsphere" / "compare_001" / "comparison.json").read_text())
+    assert found["comparisons"]["new_lights"]["relight_rel_rmse"] < 0.2
     assert bpy.ops.lightsphere.capture() == {"FINISHED"}  # once more: beside the first, not over it
     assert Path(scene.lightsphere.capture_folder).name == "capture_002"
     assert (folder / "capture.json").is_file()

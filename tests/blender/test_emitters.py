@@ -69,7 +69,7 @@ LIGHTS: dict[str, Callable[[bpy.types.Scene], Any]] = {
 
 
 def rendered(scene: bpy.types.Scene, folder: Path, samples: int) -> np.ndarray[Any, Any]:
-    with cycles.measuring(scene, SIZE, cycles.Transport(samples=samples)), cycles.openexr(scene):
+    with cycles.measuring(scene, camera_of(scene, SIZE), cycles.Transport(samples=samples)), cycles.openexr(scene):
         cycles.render(scene, folder / "floor.exr")
     channels = exr.read(folder / "floor.exr")
     return np.stack([channels[letter] for letter in "RGB"], axis=-1)

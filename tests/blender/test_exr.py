@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.blender import cycles, exr
+from pipeline.blender.camera import camera_of
 from pipeline.core import images
 from pipeline.core.errors import LightsphereError
 from tests.blender import small_scenes
@@ -19,7 +20,7 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("exr") / "picture.exr"
     scene = small_scenes.lambert(0.5)
     bpy.ops.object.light_add(type="POINT", location=(2, -3, 3))
-    with cycles.measuring(scene, 40, cycles.DIRECT), cycles.openexr(scene):
+    with cycles.measuring(scene, camera_of(scene, 40), cycles.DIRECT), cycles.openexr(scene):
         cycles.render(scene, path)
     return path
 

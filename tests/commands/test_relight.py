@@ -12,7 +12,7 @@ import pytest
 
 from pipeline import cli
 from pipeline.core import images
-from pipeline.core.compare import relative_rmse
+from pipeline.core.compare.pictures import relative_rmse
 from tests import synthetic
 
 

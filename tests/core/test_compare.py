@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from pipeline.core.capture import Truth
-from pipeline.core.compare import depth_error_pct, normal_error_deg, picture_error, relative_rmse, shape_errors
+from pipeline.core.compare.lights import captured_lights, new_lights
+from pipeline.core.compare.pictures import Comparison, picture_error, relative_rmse, structural_similarity
+from pipeline.core.compare.shapes import depth_error_pct, normal_error_deg, shape_errors
 from pipeline.core.errors import LightsphereError
+from pipeline.core.lights import Lights
 from pipeline.core.shape import Shape
-from tests import synthetic
+from tests import oracles, synthetic
 
 
 @pytest.fixture
@@ -107,3 +110,59 @@ def test_five_per_cent_are_five_per_cent() -> None:
     changed[1:] *= 3
     assert relative_rmse(changed, reference, only_first) == 0
     assert np.sqrt(np.mean(picture_error(1.05 * reference, reference) ** 2)) == pytest.approx(0.05)
+
+
+def test_structural_similarity_is_one_for_equal_pictures_and_as_defined_for_even_ones() -> None:
+    rng = np.random.default_rng(2)
+    reference = rng.uniform(0, 1, (20, 24, 3))
+    assert structural_similarity(reference, reference) == pytest.approx(1)
+    even = structural_similarity(np.full((9, 9, 3), 0.5), np.full((9, 9, 3), 0.25))
+    assert even == pytest.approx((2 * 0.125 + 1e-4) / (0.3125 + 1e-4))
+    mirrored = structural_similarity(1 - reference, reference)
+    assert mirrored.mean() < -0.5
+    noisy = [
+        structural_similarity(reference + rng.normal(0, s, reference.shape), reference).mean() for s in (0.05, 0.2)
+    ]
+    assert 1 > noisy[0] > noisy[1] > 0
+
+
+def test_a_comparison_counts_the_object_s_pixels_and_every_light_alike() -> None:
+    references = np.random.default_rng(3).uniform(0.1, 1, (2, 5, 6, 3)).astype(np.float32)
+    references[1] *= 100
+    mask = np.zeros((5, 6), bool)
+    mask[1:3] = True
+    pictures = references * np.array([1.1, 1.3], np.float32)[:, None, None, None]
+    pictures[:, ~mask] = 0
+    compared = Comparison("", "", pictures, references, mask)
+    assert compared.relative_rmse == pytest.approx(0.2, rel=1e-5)
+    assert np.isfinite(compared.error).tolist() == mask.tolist()
+
+
+@pytest.mark.parametrize("model", ["near", "distant"])
+def test_new_lights_lie_within_the_captured_cone_and_on_none_of_it(model: str) -> None:
+    view = synthetic.camera(8)
+    near = model == "near"
+    captured = synthetic.lights() if near else cone_of_lights(40.0)
+    found = new_lights(captured, view, 12)
+    centre = captured.position.mean(axis=0) if near else np.zeros(3)
+    directions = oracles.unit(found.position - centre)
+    assert len(found) == 12
+    assert found.kind == captured.kind
+    assert directions[:, 2].min() > np.cos(np.radians(70 if near else 40)) - 1e-9
+    assert np.linalg.norm(captured.position[:, None] - found.position, axis=-1).min() > 1e-3
+    if near:
+        reach = np.linalg.norm(captured.position - centre, axis=1)
+        assert reach.min() < np.linalg.norm(found.position - centre, axis=1).min()
+        assert np.linalg.norm(found.position - centre, axis=1).max() < reach.max()
+    chosen = captured_lights(captured, view, 5)
+    assert len(chosen) == 5
+    assert oracles.unit(captured.position[chosen] - centre)[:, 2].min() > np.cos(np.radians(70)) - 1e-9
+
+
+def cone_of_lights(degrees: float) -> Lights:
+    """Distant lights on a ring about the view and one in its middle."""
+    around = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    sine = np.sin(np.radians(degrees))
+    ring = np.stack([sine * np.cos(around), sine * np.sin(around), np.full(12, np.cos(np.radians(degrees)))], axis=-1)
+    directions = np.concatenate([[[0, 0, 1.0]], ring])
+    return Lights("distant", directions, np.ones((13, 3)), np.full(13, 2))

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.core.capture import Capture
-from pipeline.core.compare import relative_rmse
+from pipeline.core.compare.pictures import relative_rmse
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.core.capture import Truth
-from pipeline.core.compare import normal_error_deg, shape_errors
+from pipeline.core.compare.shapes import normal_error_deg, shape_errors
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.rig import TURN, hemisphere, sphere

@@ -1,18 +1,13 @@
-"""Compare a result with its truth, and a picture with another: error maps first, figures from them.
-
-Truth enters nowhere else: no solver imports this module.
-"""
+"""A recovered shape against the truth: error maps first, figures from them."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .capture import Truth
-from .errors import LightsphereError
-from .shape import Shape
+from ..capture import Truth
+from ..errors import LightsphereError
+from ..shape import Shape
 
 
 def depth_error_pct(shape: Shape, truth: Truth) -> NDArray[np.float64]:
@@ -110,52 +105,5 @@ def shape_errors(shape: Shape, truth: Truth, mask: NDArray[np.bool_]) -> dict[st
     }
 
 
-def relative_rmse(picture: NDArray[Any], reference: NDArray[Any], mask: NDArray[np.bool_] | None = None) -> float:
-    """Return the root mean square difference of two pictures over the root mean square of the reference.
-
-    Parameters
-    ----------
-    picture, reference : (H, W, 3) float
-        Linear radiance.
-    mask : (H, W) bool, optional
-        The pixels that count; all where it is left out.
-
-    Returns
-    -------
-    float
-        0 for equal pictures, 1 for a black picture; ``relight_rel_rmse`` is this figure.
-
-    Raises
-    ------
-    LightsphereError
-        When the pictures differ in size, or the reference is black.
-
-    Examples
-    --------
-    >>> relative_rmse(np.full((2, 2, 3), 1.05), np.ones((2, 2, 3)))  # doctest: +ELLIPSIS
-    0.05...
-    """
-    if picture.shape != reference.shape:
-        raise LightsphereError(f"the pictures are {_size(picture)} and {_size(reference)} pixels; compare equal sizes")
-    a, b = picture.astype(np.float64), reference.astype(np.float64)
-    if mask is not None:
-        a, b = a[mask], b[mask]
-    power = float(np.mean(b**2)) if b.size else 0.0
-    if power == 0:
-        raise LightsphereError("the reference picture is black where it is compared; choose another reference")
-    return float(np.sqrt(np.mean((a - b) ** 2) / power))
-
-
-def picture_error(picture: NDArray[Any], reference: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the difference of two pictures per pixel, (H, W): RMS over the colours over the reference's RMS."""
-    a, b = picture.astype(np.float64), reference.astype(np.float64)
-    level = max(float(np.sqrt(np.mean(b**2))), float(np.finfo(np.float64).tiny))
-    return np.asarray(np.sqrt(np.mean((a - b) ** 2, axis=-1)) / level)
-
-
 def _percentile(values: NDArray[np.float64], percent: float) -> float:
     return float(np.percentile(values, percent)) if len(values) else np.nan
-
-
-def _size(picture: NDArray[Any]) -> str:
-    return f"{picture.shape[1]}x{picture.shape[0]}"
