@@ -6,20 +6,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from . import gourd, steps, teapot, thin
+from . import colour_box, desk_room, gourd, steps, teapot, thin
 
 SHADOW = "cast shadows"
 DIFFUSE = "diffuse interreflection"
 GLOSSY = "glossy interreflection"
+CAUSTICS = "caustics"
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A built-in scene: what it shows, its effects, and the function that builds it into an empty bpy scene."""
+    """A built-in scene: what it shows, its effects, the function that builds it into an empty bpy scene.
+
+    A room has lights of its own and is for ``inverse``; the others are objects to capture.
+    """
 
     description: str
     effects: tuple[str, ...]
     build: Callable[[Any], None]
+    room: bool = False
 
 
 SCENES: dict[str, Entry] = {
@@ -31,4 +36,8 @@ SCENES: dict[str, Entry] = {
     "gourd": Entry("gourd of three materials that blend", (SHADOW, DIFFUSE, GLOSSY), gourd.build),
     "steps": Entry("stepped block with depth edges and a deep shaft", (SHADOW, DIFFUSE), steps.build),
     "thin": Entry("thin plastic knot that shadows itself", (SHADOW, DIFFUSE, GLOSSY), thin.build),
+    "colour-box": Entry("coloured walls that bleed on each other", (SHADOW, DIFFUSE), colour_box.build, room=True),
+    "desk-room": Entry(
+        "desk, mirrors, brushed plate, poster", (SHADOW, DIFFUSE, GLOSSY, CAUSTICS), desk_room.build, room=True
+    ),
 }

@@ -10,20 +10,29 @@ from ..core.camera import Camera
 from ..core.errors import LightsphereError
 
 
-def camera_of(scene: bpy.types.Scene, resolution: int) -> Camera:
-    """Return the scene's camera for square pictures; raise LightsphereError when there is none of a known kind."""
+def camera_of(scene: bpy.types.Scene, width: int, height: int | None = None) -> Camera:
+    """Return the scene's camera for pictures of a size, square ones where the height is left out.
+
+    Raises
+    ------
+    LightsphereError
+        When there is no camera of a known kind.
+    """
     if scene.camera is None:
         raise LightsphereError(f"the scene {scene.name!r} has no camera; add one that sees the object")
+    height = width if height is None else height
     data = scene.camera.data
     matrix = np.array(scene.camera.matrix_world.normalized(), np.float64)
-    centre = ((0.5 - data.shift_x) * resolution, (0.5 + data.shift_y) * resolution)
+    upright = data.sensor_fit == "VERTICAL" or (data.sensor_fit == "AUTO" and height > width)
+    span = height if upright else width  # what sensor, shift and scale are of
+    centre = (width / 2 - data.shift_x * span, height / 2 + data.shift_y * span)
     if data.type == "PERSP":
         sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
-        focal = resolution * data.lens / sensor
-        return Camera("pinhole", matrix, (resolution, resolution), (focal, focal), centre)
+        focal = span * data.lens / sensor
+        return Camera("pinhole", matrix, (width, height), (focal, focal), centre)
     if data.type == "ORTHO":
-        scale = resolution / data.ortho_scale
-        return Camera("orthographic", matrix, (resolution, resolution), (scale, scale), centre)
+        scale = span / data.ortho_scale
+        return Camera("orthographic", matrix, (width, height), (scale, scale), centre)
     raise LightsphereError(f"the camera {scene.camera.name!r} is a {data.type}; use a perspective or orthographic one")
 
 

@@ -9,6 +9,7 @@ from .compare import compare
 from .demo import demo
 from .export import export_worker
 from .import_ import import_photographs
+from .inverse import inverse
 from .material import material
 from .plan import plan
 from .reflectance import reflectance
@@ -31,5 +32,6 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(material)
     app.command("export-worker", hidden=True)(export_worker)
     app.command()(relight)
+    app.command()(inverse)
     app.command()(compare)
     app.command()(tradeoff)

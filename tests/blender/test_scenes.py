@@ -11,9 +11,12 @@ import pytest
 from pipeline import cli
 from pipeline.blender import geometry
 from pipeline.blender import scene as scenes
+from pipeline.blender.inverse import groups
+from pipeline.blender.inverse.room import Room
 from pipeline.core.inside import winding_number
 
-NAMES = sorted(scenes.library())
+NAMES = sorted(name for name, entry in scenes.library().items() if not entry.room)
+ROOMS = sorted(set(scenes.library()) - set(NAMES))
 
 
 def test_names_are_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
@@ -21,7 +24,8 @@ def test_names_are_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
     assert {"gourd", "steps", "thin"} <= set(NAMES)
     assert cli.main(["scenes"]) == 0
     out = capsys.readouterr().out
-    assert all(name in out for name in NAMES) and "cast shadows" in out
+    assert ROOMS == ["colour-box", "desk-room"]
+    assert all(name in out for name in NAMES + ROOMS) and "cast shadows" in out
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -74,3 +78,24 @@ def test_gourd_mixes_three_materials_to_one() -> None:
     assert (weights.max(axis=0) > 0.8).all() and (weights.min(axis=0) < 0.05).all()
     closures = {node.bl_idname for node in bpy.data.materials["Gourd"].node_tree.nodes}
     assert {"ShaderNodeBsdfDiffuse", "ShaderNodeBsdfPrincipled", "ShaderNodeMixShader"} <= closures
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_a_room_has_lamps_and_a_camera_that_sees_every_group_or_a_mirror_of_it(name: str) -> None:
+    scene = scenes.load(name)
+    scene.view_layers[0].update()
+    assert [item.type for item in scene.objects].count("LIGHT") == 1
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (160, 120)
+    room = Room(scene, groups.find(scene, "materials"), 160, 120)
+    index, uv = room.layers_of_pixels()
+    unseen = {group.name for number, group in enumerate(room.groups) if not (index == number).any()}
+    assert unseen == ({"Cube back"} if name == "desk-room" else set())
+    poster = index == next((n for n, group in enumerate(room.groups) if group.name == "Poster"), -2)
+    if poster.any():
+        rows, columns = np.nonzero(poster)
+        assert uv[poster][columns.argmax(), 0] > 0.95 and uv[poster][rows.argmin(), 1] > 0.95
+
+
+def test_rooms_alone_can_be_photographed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["scenes", "--photograph", "gourd"]) == 2
+    assert "colour-box" in capsys.readouterr().err

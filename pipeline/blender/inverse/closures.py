@@ -1,0 +1,67 @@
+"""The model of a group as nodes: a diffuse and a glossy Beckmann closure, whose values are set in place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.inverse import Model
+from .. import pixels
+from ..nodes import Graph, new_material
+
+DIFFUSE, GLOSSY, TEXTURE, FACTOR = "Diffuse", "Gloss", "Reflectance", "Reflectance Factor"
+
+
+def group_material(name: str, uv_layer: str) -> bpy.types.Material:
+    """Make the material of a group; its brushing follows a layer of texture coordinates where there is one."""
+    material = new_material(name)
+    graph = Graph(material.node_tree)
+    diffuse = graph.add("ShaderNodeBsdfDiffuse", 0, 0, name=DIFFUSE, label=DIFFUSE)
+    glossy = graph.add("ShaderNodeBsdfAnisotropic", 0, 1.2, name=GLOSSY, label=GLOSSY, distribution="BECKMANN")
+    if uv_layer:
+        tangent = graph.add("ShaderNodeTangent", -1.4, 2, direction_type="UV_MAP", uv_map=uv_layer)
+        graph.feed(glossy.inputs["Tangent"], tangent.outputs[0])
+    total = graph.add("ShaderNodeAddShader", 1.4, 0.4, inputs=(diffuse.outputs[0], glossy.outputs[0]))
+    graph.feed(graph.add("ShaderNodeOutputMaterial", 2.4, 0.4).inputs["Surface"], total.outputs[0])
+    return material
+
+
+def show(material: bpy.types.Material, model: Model) -> None:
+    """Set a group's material to a model."""
+    nodes = material.node_tree.nodes
+    _set(nodes[DIFFUSE].inputs["Color"], model.diffuse)
+    glossy = nodes[GLOSSY].inputs
+    _set(glossy["Color"], model.specular)
+    along, across = model.alphas
+    glossy["Roughness"].default_value = float((along * across) ** 0.25)
+    glossy["Anisotropy"].default_value = float(1 - np.sqrt(along / across))
+    glossy["Rotation"].default_value = model.angle / 360
+    if (texture := nodes.get(FACTOR)) is not None:
+        _set(texture.inputs[1], model.diffuse)
+
+
+def paint(material: bpy.types.Material, name: str, values: NDArray[np.float32] | None, uv_layer: str) -> None:
+    """Let a texture (H, W, 3), rows top-down, times the model's diffuse reflectance be shown; None removes it."""
+    nodes = material.node_tree.nodes
+    for node in [node for node in nodes if node.name.startswith(TEXTURE)]:
+        if node.type == "TEX_IMAGE":
+            bpy.data.images.remove(node.image)
+        nodes.remove(node)
+    if values is None:
+        return
+    graph = Graph(material.node_tree)
+    coordinates = graph.add("ShaderNodeUVMap", -4, 0, name=f"{TEXTURE} Coordinates", uv_map=uv_layer)
+    shown = graph.texture(-3, 0, pixels.packed_image(f"{name} {TEXTURE}", values), TEXTURE)
+    shown.name = TEXTURE
+    graph.feed(shown.inputs["Vector"], coordinates.outputs[0])
+    factor = graph.vector("MULTIPLY", -1.4, 0, shown.outputs["Color"], (1.0, 1.0, 1.0), label="Factor")
+    factor.node.name = FACTOR
+    graph.feed(nodes[DIFFUSE].inputs["Color"], factor)
+
+
+def _set(socket: Any, values: NDArray[np.float64]) -> None:
+    four = len(socket.default_value) == 4
+    socket.default_value = (*map(float, values), 1.0) if four else tuple(map(float, values))

@@ -1,0 +1,129 @@
+"""Inverse: reflectances of a known scene from one picture, with Cycles' global illumination in the loop.
+
+Surfaces that share a reflectance are a group. Every group has a model of a level; richer ones explain more pictures::
+
+    diffuse           rho_d
+    mirror            rho_s, as sharp as Cycles can
+    diffuse-specular  rho_d and a sharp rho_s
+    isotropic         rho_d, rho_s and the root mean square slope alpha of a Beckmann lobe
+    anisotropic       alpha along and across a direction of the texture's U
+    texture           rho_d of every texel
+
+Boivin and Gagalowicz 2001 name the hierarchy; Ward's lobe there is Beckmann's here, which Cycles has.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..settings import setting
+
+LEVELS = ("diffuse", "mirror", "diffuse-specular", "isotropic", "anisotropic", "texture")
+#: What each level estimates.
+FREE = {
+    "diffuse": ("diffuse",),
+    "mirror": ("specular",),
+    "diffuse-specular": ("diffuse", "specular"),
+    "isotropic": ("diffuse", "specular", "alpha"),
+    "anisotropic": ("diffuse", "specular", "alpha", "ratio", "angle"),
+    "texture": ("diffuse",),
+}
+SHARP = 1e-3  # alpha of a mirror: below it Cycles' float32 half vectors are too coarse
+LEAST, MOST = 1e-3, 0.98  # reflectances: nothing is dropped from the render, and light fades
+ALPHAS = (SHARP, 0.7)
+RATIOS = (1.0, 30.0)  # of the larger alpha over the smaller
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InverseSettings:
+    """How reflectances are looked for."""
+
+    groups: str = setting(
+        "materials",
+        "what shares a reflectance; the property lightsphere_group of an object goes before",
+        choices=("materials", "collections", "objects"),
+    )
+    response: str = setting(
+        "auto",
+        "of the camera: linear, srgb, a gamma such as 2.2, or a file of two columns (value as stored, light); "
+        "auto takes srgb for 8 bits and linear for more",
+    )
+    resolution: int = setting(160, "width of the picture that is compared", unit="px", low=16, high=1024)
+    budget: float = setting(240.0, "time after which the best result so far is kept", unit="s", low=1.0, high=1e6)
+    target: float = setting(0.5, "uncertainty of reflectances at which the search ends", unit="%", low=0.01, high=50.0)
+    levels: str = setting("all", "richest level that may be chosen", choices=("all", *LEVELS[:-1]))
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a group reflects.
+
+    Parameters
+    ----------
+    level : str
+        One of LEVELS.
+    diffuse, specular : (3,) float64
+        Reflectances; of a texture the factor of its texels.
+    alpha : float
+        Root mean square slope, the geometric mean of both directions.
+    ratio : float
+        Of the slope across the brushing over that along it, 1 and above.
+    angle : float
+        From the texture's U to the brushing [degrees].
+    """
+
+    level: str
+    diffuse: Array
+    specular: Array
+    alpha: float = SHARP
+    ratio: float = 1.0
+    angle: float = 0.0
+
+    @property
+    def alphas(self) -> tuple[float, float]:
+        """The slopes along and across the brushing."""
+        stretch = float(np.sqrt(self.ratio))
+        return self.alpha / stretch, self.alpha * stretch
+
+    def as_json(self) -> dict[str, Any]:
+        """Return level and parameters as plain values."""
+        values: dict[str, Any] = {"level": self.level}
+        for name in ("diffuse", "specular"):
+            if name in FREE[self.level]:
+                values[f"rho_{name[0]}"] = getattr(self, name).tolist()
+        if "alpha" in FREE[self.level]:
+            values["alpha_x"], values["alpha_y"] = self.alphas
+        if "angle" in FREE[self.level]:
+            values["angle"] = self.angle
+        return values
+
+
+def grey(value: float = 0.5) -> Model:
+    """Return a diffuse grey."""
+    return Model("diffuse", np.full(3, value), np.zeros(3))
+
+
+#: How far each kind of parameter is moved to see what changes, in its own measure (see :func:`moved`).
+STEPS = {"diffuse": 0.15, "specular": 0.15, "alpha": 0.15, "ratio": 0.2, "angle": 6.0}
+
+
+def moved(model: Model, kind: str, by: Array | float) -> Model:
+    """Return a model one kind of whose parameters is moved: angles by degrees, all others by factors exp(by)."""
+    if kind in ("diffuse", "specular"):
+        return dataclasses.replace(model, **{kind: np.clip(getattr(model, kind) * np.exp(by), LEAST, MOST)})
+    step = float(np.mean(by))
+    if kind == "alpha":
+        return dataclasses.replace(model, alpha=float(np.clip(model.alpha * np.exp(step), *ALPHAS)))
+    if kind == "angle":
+        return dataclasses.replace(model, angle=(model.angle + step) % 180.0)
+    ratio = model.ratio * np.exp(step)
+    if ratio < 1:  # the brushing is across
+        return dataclasses.replace(model, ratio=float(1 / ratio), angle=(model.angle + 90.0) % 180.0)
+    return dataclasses.replace(model, ratio=float(min(ratio, RATIOS[1])))

@@ -1,0 +1,123 @@
+"""Estimates from renders that are noisy: two seeds are each other's instrument.
+
+Least squares on noisy basis pictures is biased (errors in variables): noise adds to A^T A. Two renders A1, A2 of the
+same with other seeds have independent noise, and ::
+
+    x = [ (A1^T W A2 + A2^T W A1) / 2 ]^-1  (A1^T W y2 + A2^T W y1) / 2
+
+has none in the mean. The error of a model is the mean of r1 r2, the product of both seeds' residuals: render noise does
+not count, and where the model is right it is 0 in the mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a linear model of basis pictures explains.
+
+    Parameters
+    ----------
+    factors : (N, 3) float64
+        Of the basis pictures, per colour.
+    error : float
+        Mean square of the weighted residual, see :func:`unexplained`.
+    noise : float
+        Its standard deviation.
+    """
+
+    factors: Array
+    error: float
+    noise: float
+
+
+def unexplained(residuals: Array, weight: Array) -> tuple[float, float]:
+    """Return the mean square of weighted residuals without what render noise adds, and its standard deviation.
+
+    The mean of the product of both seeds' residuals; negative where noise says so. Its variance is that of render noise
+    alone, s^4 + 2 m^2 s^2 a pixel of noise s and true residual m: where a model is wrong in a few pixels only it is
+    wrong all the same.
+
+    Parameters
+    ----------
+    residuals : (2, P, 3) float64
+    weight : (P, 3) float64
+    """
+    products = (weight * residuals[0] * residuals[1]).mean(axis=1)
+    noise = (weight * (residuals[0] - residuals[1]) ** 2).mean(axis=1) / 2
+    variance = noise**2 + 2 * np.maximum(products, 0) * noise
+    return float(products.mean()), float(np.sqrt(variance.sum()) / len(products))
+
+
+def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
+    """Fit a photograph by basis pictures of two seeds, with factors that are not negative.
+
+    Parameters
+    ----------
+    bases : (2, N, P, 3) float64
+        Two seeds of N pictures.
+    photograph, weight : (P, 3) float64
+    """
+    factors = np.zeros((bases.shape[1], 3))
+    for colour in range(3):
+        first, second = bases[0, :, :, colour], bases[1, :, :, colour]
+        y, w = photograph[:, colour], weight[:, colour]
+        normal = (first * w) @ second.T
+        factors[:, colour] = _non_negative((normal + normal.T) / 2, ((first + second) / 2 * w) @ y)
+    residuals = photograph - np.einsum("snpc,nc->spc", bases, factors)
+    return Fit(factors, *unexplained(residuals, weight))
+
+
+def _non_negative(normal: Array, right: Array) -> Array:
+    """Solve normal x = right for x >= 0 of one or two unknowns, by trying which are 0."""
+    best, least = np.zeros(len(right)), 0.0
+    for chosen in range(1, 2 ** len(right)):
+        kept = [i for i in range(len(right)) if chosen >> i & 1]
+        part = normal[np.ix_(kept, kept)]
+        if np.linalg.cond(part) > 1e12:
+            continue
+        x = np.linalg.solve(part, right[kept])
+        if (x < 0).any():
+            continue
+        value = float(x @ part @ x - 2 * right[kept] @ x)
+        if value < least:
+            least = value
+            best = np.zeros(len(right))
+            best[kept] = x
+    return best
+
+
+def better(simple: Fit, rich: Fit, worth: float) -> bool:
+    """Return whether a richer model explains more than render noise does, and by more than a worth (mean square)."""
+    return simple.error - rich.error > max(2.5 * float(np.hypot(simple.noise, rich.noise)), worth)
+
+
+def newton(jacobians: Array, residuals: Array, weight: Array, damping: float = 1e-3) -> tuple[Array, Array]:
+    """Return a Gauss-Newton step and its standard deviation that render noise causes.
+
+    Parameters
+    ----------
+    jacobians : (2, U, N) float64
+        Derivatives of N values by U unknowns, by two seeds.
+    residuals : (2, N) float64
+        Photograph less render, by two other seeds.
+    weight : (N,) float64
+    damping : float
+        Share of the diagonal that is added: unknowns that nothing shows stay.
+    """
+    first, second = jacobians
+    normal = (first * weight) @ second.T
+    normal = (normal + normal.T) / 2
+    scale = np.maximum(np.diag(normal), 1e-30 + 1e-9 * np.abs(np.diag(normal)).max())
+    normal = normal + np.diag(damping * scale)
+    mean = (first + second) / 2
+    step = np.linalg.solve(normal, (mean * weight) @ residuals.mean(axis=0))
+    spread = np.linalg.solve(normal, mean * (weight * (residuals[0] - residuals[1]) / 2))
+    return step, np.sqrt((spread**2).sum(axis=1))

@@ -1,0 +1,124 @@
+"""Estimates from noisy renders: planted factors come back without the bias of least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import LightsphereError
+from pipeline.core.inverse import LEAST, MOST, Model, grey, moved
+from pipeline.core.inverse.estimate import better, combined, newton, unexplained
+from pipeline.core.inverse.photograph import averaged, inner, prepared, weights
+from pipeline.core.inverse.texture import reflectance_map
+
+PIXELS = 40_000
+NOISE = 0.5
+
+
+@pytest.fixture(scope="module")
+def bases() -> tuple[np.ndarray, np.ndarray]:
+    """True basis pictures (2, P, 3), and two noisy renders of each (2, 2, P, 3)."""
+    rng = np.random.default_rng(0)
+    true = rng.uniform(0.2, 1.0, (2, PIXELS, 3))
+    return true, true + rng.normal(0, NOISE, (2, 2, PIXELS, 3))
+
+
+def test_two_seeds_give_planted_factors_where_least_squares_are_biased(bases: tuple[np.ndarray, np.ndarray]) -> None:
+    true, noisy = bases
+    factors = np.array([[0.6, 0.3, 0.1], [0.2, 0.0, 0.5]])
+    photograph = np.einsum("npc,nc->pc", true, factors)
+    weight = np.ones((PIXELS, 3))
+    fit = combined(noisy, photograph, weight)
+    assert fit.factors == pytest.approx(factors, abs=0.03)
+    plain = [np.linalg.lstsq(noisy[0, :, :, c].T, photograph[:, c], rcond=None)[0] for c in range(3)]
+    assert np.abs(np.transpose(plain) - factors).max() > 0.1
+    assert (fit.factors >= 0).all()
+
+
+def test_render_noise_is_no_error_and_a_wrong_model_is(bases: tuple[np.ndarray, np.ndarray]) -> None:
+    true, noisy = bases
+    weight = np.ones((PIXELS, 3))
+    right, spread = unexplained(true[0] - noisy[:, 0], weight)
+    assert abs(right) < 4 * spread
+    wrong, spread = unexplained(1.3 * true[0] - noisy[:, 0], weight)
+    assert wrong > 4 * spread
+    assert wrong == pytest.approx(np.mean((0.3 * true[0]) ** 2), rel=0.1)
+    photograph = 0.5 * true[0] + 0.4 * true[1]
+    simple, rich = combined(noisy[:, :1], photograph, weight), combined(noisy, photograph, weight)
+    assert better(simple, rich, 1e-4)
+    needless = combined(noisy, 0.5 * true[0], weight)
+    assert not better(combined(noisy[:, :1], 0.5 * true[0], weight), needless, 1e-4)
+
+
+def test_a_step_reaches_a_linear_optimum_and_leaves_what_nothing_shows() -> None:
+    rng = np.random.default_rng(1)
+    true = rng.normal(size=(3, 5000))
+    true[2] = 0
+    noisy = true + rng.normal(0, 0.3, (2, 3, 5000))
+    noisy[:, 2] = 0
+    planted = np.array([0.4, -0.2, 0.0])
+    residuals = planted @ true + rng.normal(0, 0.2, (2, 5000))
+    step, deviation = newton(noisy, residuals, np.ones(5000), damping=1e-4)
+    assert step == pytest.approx(planted, abs=5 * deviation.max())
+    assert 0 < deviation[0] < 0.02
+    assert step[2] == 0
+
+
+def test_pictures_are_averaged_exactly() -> None:
+    values = np.random.default_rng(2).uniform(size=(7, 5))
+    assert averaged(values, 7, 0) == pytest.approx(values)
+    for count in (2, 3, 5):
+        assert averaged(values, count, 0).mean(axis=0) == pytest.approx(values.mean(axis=0))
+    assert averaged(np.array([1.0, 3.0, 5.0]), 2, 0) == pytest.approx([(1 + 1.5) / 1.5, (1.5 + 5) / 1.5])
+
+
+def test_what_a_photograph_cannot_be_trusted_with_is_left_out() -> None:
+    pixels = np.full((12, 16, 3), 0.5, np.float32)
+    pixels[0, 0], pixels[5, 5, 1], pixels[7, 7] = 1.0, np.nan, -0.1
+    found = prepared(pixels, 8, "linear", (32, 24), 160)
+    assert found.pixels.shape == (12, 16, 3)
+    assert np.isfinite(found.pixels).all()
+    assert [tuple(place) for place in np.argwhere(~found.trusted)] == [(0, 0), (5, 5), (7, 7)]
+    assert prepared(pixels, 32, "auto", (32, 24), 160).trusted[0, 0]
+    assert prepared(pixels, 8, "srgb", (32, 24), 8).pixels[1, 1] == pytest.approx(0.2140, abs=1e-4)
+    for wrong, words in ((pixels[:, :12], "aspect"), (0 * pixels, "black"), (pixels * np.nan, "broken")):
+        with pytest.raises(LightsphereError, match=words):
+            prepared(wrong, 32, "linear", (32, 24), 160)
+
+
+def test_weights_make_errors_relative_and_edges_are_left_out() -> None:
+    picture = np.ones((9, 18, 3))
+    picture[:, 9:] = 10
+    index = np.repeat([[0] * 9 + [1] * 9], 9, axis=0)
+    weight = weights(picture)
+    assert weight[4, 2, 0] / weight[4, 15, 0] == pytest.approx(((10 + 5.5 / 3) / (1 + 5.5 / 3)) ** 2)
+    kept = inner(index)
+    assert not kept[:, 8:10].any()
+    assert kept[:, :8].all() and kept[:, 10:].all()
+
+
+def test_parameters_stay_within_what_they_can_be() -> None:
+    assert moved(grey(), "diffuse", 5.0).diffuse.max() == MOST
+    assert moved(grey(), "diffuse", -20.0).diffuse.min() == LEAST
+    brushed = Model("anisotropic", np.zeros(3), np.full(3, 0.5), 0.1, 2.0, 170.0)
+    assert moved(brushed, "angle", 20.0).angle == pytest.approx(10)
+    across = moved(brushed, "ratio", np.log(0.25))
+    assert (across.ratio, across.angle) == (pytest.approx(2), pytest.approx(80))
+    along, wide = brushed.alphas
+    assert wide / along == pytest.approx(2) and along * wide == pytest.approx(0.01)
+
+
+def test_a_texture_comes_back_without_the_shadow_on_it() -> None:
+    v, u = np.meshgrid(np.linspace(0.98, 0.02, 40), np.linspace(0.02, 0.98, 40), indexing="ij")
+    pattern = np.stack([0.2 + 0.5 * (u > 0.5), 0.3 + 0 * u, 0.6 - 0.4 * v], axis=-1)
+    shadow = np.where(v < 0.4, 0.3, 1.0)[..., None] * np.ones(3)
+    seen = np.ones((40, 40), bool)
+    texture = reflectance_map(pattern * shadow, shadow, seen, seen, np.stack([u, v], axis=-1))
+    side = len(texture)
+    centres = (np.arange(side) + 0.5) / side
+    wanted = 0.2 + 0.5 * (centres > 0.5)
+    clear = np.abs(centres - 0.5) > 0.04
+    assert texture[side // 8, clear, 0] == pytest.approx(wanted[clear], abs=0.01)
+    dark = texture[-side // 4, clear, 0]  # in the shadow
+    assert dark == pytest.approx(wanted[clear], rel=0.05)
+    assert texture[side // 10, 3, 2] < texture[-side // 10, 3, 2]  # rows top-down
