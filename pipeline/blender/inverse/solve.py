@@ -15,16 +15,17 @@ from ...core.inverse import FREE, LEVELS, STEPS, InverseSettings, Model, grey, m
 from ...core.inverse.estimate import newton, unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
 from ...core.inverse.texture import reflectance_map
-from ...core.progress import Progress, Work
-from .levels import around, examined
+from ...core.progress import Progress, Work, retold
+from .levels import ENOUGH, around, examined
 from .room import Room
 
 Array = NDArray[np.float64]
 RATIO_ROUNDS = 4
 ROUNDS = 6  # of looking for levels
-WORST = 0.5  # of the largest error: groups above it are looked at before the others
+WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
 LOBES_HELP = 0.85  # of the error of a diffuse group: what leaves more is not explained by lobes
+LEVEL_SAMPLES, MOST_SAMPLES = 16, 128
 USUAL = 160 * 120  # pixels for which numbers of samples are stated
 STEADY = 4.0  # standard deviations above which an error is not noise
 DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 6000  # a pixel of the whole picture; on a group's own pixels
@@ -132,7 +133,7 @@ class Search:
         What no level explains has a texture; that is not said before all other groups have their level, for what is
         wrong elsewhere shows in reflections.
         """
-        residuals = self._residuals(16)
+        residuals = self._residuals(LEVEL_SAMPLES)
         errors = [self._unexplained(residuals, number) for number in range(len(self.masks))]
         waiting = sorted(self.patterned)
         open_errors = [0.0 if number in self.patterned else error for number, error in enumerate(errors)]
@@ -164,13 +165,8 @@ class Search:
         most = LEVELS.index("anisotropic" if self.settings.levels == "all" else self.settings.levels)
         self.room.paint(number, None)
         work = examined(self.room, number, mask, self.photograph, self.weight, most, self._next_seed())
-        while True:
-            try:
-                next(work)
-            except StopIteration as end:
-                model, self.tried[number] = end.value
-                break
-            yield self._step(f"levels of {self.room.groups[number].name}")
+        words = f"levels of {self.room.groups[number].name}"
+        model, self.tried[number] = yield from retold(work, lambda _: self._step(words))
         return model, self._help(number) < LOBES_HELP
 
     def _help(self, number: int) -> float:
@@ -209,7 +205,7 @@ class Search:
                 break
             residuals = self._residuals(samples)
             error, noise = self._error(residuals)
-            if best is not None and error > best[0] + STEADY * noise:
+            if best is not None and error > 2 * best[0] + STEADY * noise:
                 self._show_all(best[1])
                 residuals, damping = best[2], 10 * damping
             else:
@@ -304,8 +300,16 @@ class Search:
             self.deviations[number][kind] = spread.tolist()
 
     def _residuals(self, samples: int) -> Array:
-        """Return photograph less render by two seeds, (2, H, W, 3)."""
-        return np.stack([self.photograph - self._render(samples) for _ in range(2)])
+        """Return photograph less render by two seeds, (2, H, W, 3); groups of few pixels get more samples."""
+        shown = [self._render(samples) for _ in range(2)]
+        for mask in self.masks:
+            more = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
+            if mask.any() and more > 2 * self._samples(samples):
+                crop = around(mask)
+                inside = mask[crop[0] : crop[1], crop[2] : crop[3]]
+                for picture in shown:
+                    picture[mask] = self.room.render(more, self._next_seed(), False, crop)[inside]
+        return self.photograph - np.stack(shown)
 
     def _unexplained(self, residuals: Array, number: int) -> float:
         """Return the relative error of a group with render noise taken off, 0 where it is within noise."""
