@@ -133,7 +133,7 @@ class Search:
         What no level explains has a texture; that is not said before all other groups have their level, for what is
         wrong elsewhere shows in reflections.
         """
-        residuals = self._residuals(LEVEL_SAMPLES)
+        residuals = self._even_residuals()
         errors = [self._unexplained(residuals, number) for number in range(len(self.masks))]
         waiting = sorted(self.patterned)
         open_errors = [0.0 if number in self.patterned else error for number, error in enumerate(errors)]
@@ -144,7 +144,8 @@ class Search:
             before = self.room.models[number].level
             best, lobes_help = yield from self._examined(number)
             self.room.show(number, best)
-            self.deviations[number] = {}
+            kept = FREE[best.level]
+            self.deviations[number] = {k: sd for k, sd in self.deviations[number].items() if k in kept}
             changed |= best.level != before
             if not lobes_help and before != "texture" and self.room.layers[number] and self.settings.levels == "all":
                 self.patterned.add(number)
@@ -300,16 +301,22 @@ class Search:
             self.deviations[number][kind] = spread.tolist()
 
     def _residuals(self, samples: int) -> Array:
-        """Return photograph less render by two seeds, (2, H, W, 3); groups of few pixels get more samples."""
-        shown = [self._render(samples) for _ in range(2)]
+        """Return photograph less render by two seeds, (2, H, W, 3)."""
+        return self.photograph - np.stack([self._render(samples) for _ in range(2)])
+
+    def _even_residuals(self) -> Array:
+        """Return the same, but groups of few pixels get more samples, so that all are judged alike."""
+        residuals = self._residuals(LEVEL_SAMPLES)
         for mask in self.masks:
-            more = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
-            if mask.any() and more > 2 * self._samples(samples):
+            samples = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
+            if mask.any() and samples > self._samples(LEVEL_SAMPLES):
                 crop = around(mask)
                 inside = mask[crop[0] : crop[1], crop[2] : crop[3]]
-                for picture in shown:
-                    picture[mask] = self.room.render(more, self._next_seed(), False, crop)[inside]
-        return self.photograph - np.stack(shown)
+                for own in residuals:
+                    own[mask] = (
+                        self.photograph[mask] - self.room.render(samples, self._next_seed(), False, crop)[inside]
+                    )
+        return residuals
 
     def _unexplained(self, residuals: Array, number: int) -> float:
         """Return the relative error of a group with render noise taken off, 0 where it is within noise."""
