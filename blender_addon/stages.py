@@ -95,10 +95,7 @@ class Shape(Stage):
     doing = "Recovering the shape"
 
     def lacks(self, scene: bpy.types.Scene) -> str:
-        folder = properties.of(scene).capture_folder
-        if not folder:
-            return "No capture is chosen yet"
-        return "" if results.finished(absolute(folder)) else "No finished capture is there"
+        return lacks_capture(scene)
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         chosen = settings.values(properties.of(scene).shape, ShapeSettings)
@@ -138,12 +135,8 @@ class Compare(Stage):
     doing = "Comparing"
 
     def lacks(self, scene: bpy.types.Scene) -> str:
-        folder = properties.of(scene).capture_folder
-        if not folder:
-            return "No capture is chosen yet"
-        if not results.finished(absolute(folder)):
-            return "No finished capture is there"
-        return "" if results.assets(scene) else "The scene has no asset: make one"
+        lacking = "" if results.assets(scene) else "The scene has no asset: make one"
+        return lacks_capture(scene) or lacking
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         chosen = settings.values(properties.of(scene).compare, CompareSettings)
@@ -234,6 +227,14 @@ def lacks_rig(scene: bpy.types.Scene) -> str:
     if not any(item.type == "MESH" and not item.hide_render for item in scene.objects):
         return "The scene has no mesh to capture"
     return ""
+
+
+def lacks_capture(scene: bpy.types.Scene) -> str:
+    """Return why a scene's capture cannot be opened, empty when it can."""
+    folder = properties.of(scene).capture_folder
+    if not folder:
+        return "No capture is chosen yet"
+    return "" if results.finished(absolute(folder)) else "No finished capture is there"
 
 
 def absolute(folder: str) -> Path:

@@ -14,7 +14,6 @@ from pipeline import cli
 from pipeline.blender import cycles, exr
 from pipeline.blender import scene as scenes
 from pipeline.core import images
-from pipeline.core.inverse import LEVELS
 from scenes import colour_box
 
 TRUE = {
@@ -133,7 +132,3 @@ def test_bad_input_is_told_on_one_line(
     told = capsys.readouterr().err.strip()
     assert said in told
     assert len(told.splitlines()) == 1
-
-
-def test_levels_are_the_contract() -> None:
-    assert LEVELS == ("diffuse", "mirror", "diffuse-specular", "isotropic", "anisotropic", "texture")
