@@ -22,6 +22,7 @@ class StagePanel:
     bl_region_type = "UI"
     bl_category = "Lightsphere"
     stage = ""
+    opens = ""  # the scene's property that names what the stage opens
     settings_type: type[Any]
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -39,6 +40,8 @@ class StagePanel:
 
     def draw_input(self, context: bpy.types.Context) -> None:
         """Draw what the stage opens."""
+        if self.opens:
+            self.layout.prop(properties.of(context.scene), self.opens)
 
     def draw_button(self, context: bpy.types.Context) -> None:
         """Draw the stage's button, and below it why it is grey."""
@@ -79,10 +82,8 @@ class LIGHTSPHERE_PT_import_photographs(StagePanel, bpy.types.Panel):
     bl_label = "Photographs"
     bl_options = {"DEFAULT_CLOSED"}
     stage = "import_photographs"
+    opens = "photographs"
     settings_type = ImportSettings
-
-    def draw_input(self, context: bpy.types.Context) -> None:
-        self.layout.prop(properties.of(context.scene), "photographs")
 
 
 class LIGHTSPHERE_PT_shape(StagePanel, bpy.types.Panel):
@@ -91,10 +92,8 @@ class LIGHTSPHERE_PT_shape(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_shape"
     bl_label = "Shape"
     stage = "shape"
+    opens = "capture_folder"
     settings_type = ShapeSettings
-
-    def draw_input(self, context: bpy.types.Context) -> None:
-        self.layout.prop(properties.of(context.scene), "capture_folder")
 
 
 class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
@@ -103,10 +102,8 @@ class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_material"
     bl_label = "Material"
     stage = "material"
+    opens = "shape_folder"
     settings_type = MaterialSettings
-
-    def draw_input(self, context: bpy.types.Context) -> None:
-        self.layout.prop(properties.of(context.scene), "shape_folder")
 
 
 class LIGHTSPHERE_PT_compare(StagePanel, bpy.types.Panel):
@@ -116,10 +113,8 @@ class LIGHTSPHERE_PT_compare(StagePanel, bpy.types.Panel):
     bl_label = "Compare"
     bl_options = {"DEFAULT_CLOSED"}
     stage = "compare"
+    opens = "capture_folder"
     settings_type = CompareSettings
-
-    def draw_input(self, context: bpy.types.Context) -> None:
-        self.layout.prop(properties.of(context.scene), "capture_folder")
 
 
 def explain(layout: bpy.types.UILayout, reason: str) -> None:

@@ -43,9 +43,9 @@ def surface(
     degrees : float
         From the texture's U to the brushing.
     """
-    if specular is None:
-        return stage.material(name, "ShaderNodeBsdfDiffuse", {"Color": (*diffuse, 1)})
     made = stage.material(name, "ShaderNodeBsdfDiffuse", {"Color": (*diffuse, 1)})
+    if specular is None:
+        return made
     nodes, link = made.node_tree.nodes, made.node_tree.links.new
     output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
     glossy, add = nodes.new("ShaderNodeBsdfAnisotropic"), nodes.new("ShaderNodeAddShader")

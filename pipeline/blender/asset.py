@@ -19,6 +19,7 @@ from ..core.shape import Shape
 from ..core.shape.back import closed
 from ..core.shape.mesh import relief
 from . import cycles, exports, pixels
+from . import scene as scenes
 from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
 from .geometry import BACKDROP
@@ -190,14 +191,9 @@ def save(path: Path, textures: str = "packed") -> None:
     Textures are ``"packed"`` into the file, or ``"beside"`` it in the folder ``NAME_textures``.
     """
     _look_through_camera()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with cycles.caught_output():
-            if textures == "beside":
-                pixels.unpack(path.with_name(f"{path.stem}_textures"))
-            bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), copy=True, compress=True)
-    except RuntimeError as error:
-        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error
+    if textures == "beside":
+        pixels.unpack(path.with_name(f"{path.stem}_textures"))
+    scenes.save(path)
 
 
 def furnish(scene: bpy.types.Scene, seen_by: Camera, points: NDArray[np.float64]) -> None:

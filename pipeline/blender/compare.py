@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -95,7 +94,8 @@ def compare(path: Path, capture: Capture, true: str | None, settings: CompareSet
     if true is not None:
         loaded = scene.load(true)
         references = yield from _rendered(loaded, new, SEEDS[:2], 0, total)
-        masks[-1] = _mask(loaded, new[-1].camera)
+        add_camera(loaded, new[-1].camera)
+        masks[-1] = truth.object_mask(loaded, new[-1].camera)
     shown = yield from _rendered(_with_asset(path, true), [captured, *new], SEEDS[2:], ahead, total)
     # the captured pictures have as many samples as the asset's
     references.insert(0, Halves(np.stack([capture.image(light) for light in chosen]), shown[0].noise))
@@ -198,14 +198,6 @@ def _with_asset(path: Path, true: str | None) -> bpy.types.Scene:
     for item in asset.append(loaded, path):
         asset.as_captured(item)
     return loaded
-
-
-def _mask(loaded: bpy.types.Scene, camera: Camera) -> NDArray[np.bool_]:
-    """Return which pixels of a new view show the true object."""
-    add_camera(loaded, camera)
-    with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(loaded):
-        truth.write(loaded, camera, Path(folder))
-        return np.asarray(images.read_channels(Path(folder) / "mask.exr")["mask.V"] > 0.5)
 
 
 def _compared(one: Setting, shown: Halves, reference: Halves, mask: NDArray[np.bool_]) -> Comparison:

@@ -42,6 +42,12 @@ def read(path: Path) -> dict[str, NDArray[np.float32]]:
     return channels
 
 
+def read_rgb(path: Path) -> NDArray[np.float32]:
+    """Read a picture that Cycles wrote, (H, W, 3)."""
+    channels = read(path)
+    return np.stack([channels[letter] for letter in "RGB"], axis=-1)
+
+
 def write(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
     """Write (H, W) arrays as float32 channels atomically; equal arrays make equal bytes.
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from ..core import images
+from ..core.errors import LightsphereError
+from .cycles import caught_output
 
 
 def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:
@@ -68,9 +70,16 @@ def unpack(folder: Path) -> None:
     """Write this file's packed float images into a folder, as OpenEXR of full precision, and read them from there."""
     for image in [image for image in bpy.data.images if image.packed_file and image.is_float]:
         folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{image.name}.exr"
         image.file_format = "OPEN_EXR"
-        image.filepath_raw = str((folder / f"{image.name}.exr").resolve())
-        image.save()
+        image.filepath_raw = str(path.resolve())
+        try:
+            with caught_output():
+                image.save()
+        except RuntimeError as error:
+            raise LightsphereError(
+                f"{path} cannot be written ({error}); free space or choose another folder"
+            ) from error
         image.unpack(method="REMOVE")
 
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.capture import Capture
 from ..core.capture_settings import PlanSettings
@@ -101,7 +100,7 @@ class Probe:
         self._settings = settings
         self._index = np.unique(np.linspace(0, len(lights) - 1, settings.probes + 2).round().astype(int)[1:-1])
         self._done = 0
-        self._mask = self._render_mask()
+        self._mask = truth.object_mask(scene, camera_of(scene, settings.probe_resolution))
 
     def effects(self, choice: str) -> Work[list[Effect]]:
         """Measure what each effect adds; see :func:`decide` for the choice."""
@@ -159,12 +158,6 @@ class Probe:
         self._done += 1
         yield Progress("plan", self._done, TRIALS, "trials")
         return total, seconds
-
-    def _render_mask(self) -> NDArray[np.bool_]:
-        camera = camera_of(self._scene, self._settings.probe_resolution)
-        with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(self._scene):
-            truth.write(self._scene, camera, Path(folder))
-            return np.asarray(exr.read(Path(folder) / "mask.exr")["mask.V"] > 0.5)
 
 
 def _percent(part: float, whole: float) -> float:

@@ -40,3 +40,13 @@ def load(name: str) -> bpy.types.Scene:
         reason = " ".join(str(error).split())
         raise LightsphereError(f"{path} cannot be opened ({reason}); save it again with this Blender") from error
     return bpy.context.scene
+
+
+def save(path: Path) -> None:
+    """Save a copy of what is open in this Blender; raise LightsphereError when it cannot be written."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with caught_output():
+            bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), copy=True, compress=True)
+    except RuntimeError as error:
+        raise LightsphereError(f"{path} cannot be written ({error}); free space or choose another folder") from error

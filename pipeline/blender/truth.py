@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,13 @@ def write(scene: bpy.types.Scene, camera: Camera, folder: Path) -> None:
     layers = {name: np.where(hit, values, np.nan) for name, values in layers.items()}
     exr.write(folder / "truth.exr", layers | {"material.V": passes["material"][..., 0]})
     exr.write(folder / "mask.exr", {"mask.V": mask})
+
+
+def object_mask(scene: bpy.types.Scene, camera: Camera) -> NDArray[np.bool_]:
+    """Return which pixels (H, W) of the scene's camera show the object; raises what :func:`write` does."""
+    with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(scene):
+        write(scene, camera, Path(folder))
+        return np.asarray(exr.read(Path(folder) / "mask.exr")["mask.V"] > 0.5)
 
 
 def _depth(position: NDArray[Any], camera: Camera) -> NDArray[np.float64]:

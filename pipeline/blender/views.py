@@ -67,8 +67,7 @@ def picture(scene: bpy.types.Scene, camera: Camera, passes: int, samples: int) -
         for number in range(passes):
             with cycles.changed(scene.cycles, STUDIO | {"samples": samples, "seed": number}):
                 cycles.render(scene, path)
-            channels = exr.read(path)
-            total += np.stack([channels[letter] for letter in "RGB"], axis=-1)
+            total += exr.read_rgb(path)
             yield Progress("render", number + 1, passes, "passes")
     return (total / passes).astype(np.float32)
 
@@ -95,7 +94,6 @@ def under_lights(
         for index in range(len(lights)):
             lamps.shine(lamp, lights, index)
             cycles.render(scene, path)
-            channels = exr.read(path)
-            pictures.append(np.stack([channels[letter] for letter in "RGB"], axis=-1))
+            pictures.append(exr.read_rgb(path))
             yield Progress("render", index + 1, len(lights), "pictures")
     return np.stack(pictures)

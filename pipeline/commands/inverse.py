@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from ..core import images
+from ..core.compare.pictures import relative_rmse
 from ..core.errors import LightsphereError
 from ..core.inverse import InverseSettings
-from ..core.inverse.photograph import Photograph, prepared
+from ..core.inverse.photograph import prepared
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 BLEND, PAGE = "recovered.blend", "report.html"
@@ -54,11 +55,11 @@ def inverse(
         found = run_with_bar(search.run(), one_bar=True)
         figures.values.update(_figures(room, found, every))
         shown = room.render(FINAL_SAMPLES, 0)
-        figures.values["rerendered_rel_rmse"] = _error(shown, seen)
+        figures.values["rerendered_rel_rmse"] = relative_rmse(shown, seen.pixels, seen.trusted)
         output.mkdir(parents=True, exist_ok=True)
         images.write_rgb(output / "rerendered.exr", shown.astype("float32"))
         room.restore([number for number, word in enumerate(found.seen) if word == "not at all"])
-        room.save(output / BLEND)
+        scenes.save(output / BLEND)
         from ..report.inverse import Results, report
 
         results = Results(Path(scene).stem, seen.pixels, shown, seen.trusted, figures.values, found.history)
@@ -87,12 +88,5 @@ def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
     for group in every:
         if group.kept:
             described[group.name] = {"level": "kept", "why": f"it {group.kept}"}
-    history = [{key: one[key] for key in ("stage", "seconds", "error")} for one in found.history]
     cost = {"renders": room.renders, "render_seconds": room.seconds, "samples": room.samples}
-    return {"groups": described, "history": history, **cost}
-
-
-def _error(shown: Any, seen: Photograph) -> float:
-    from ..core.compare.pictures import relative_rmse
-
-    return relative_rmse(shown, seen.pixels, seen.trusted)
+    return {"groups": described, "history": found.history, **cost}

@@ -26,7 +26,7 @@ def scenes(
         if photograph not in library() or not library()[photograph].room:
             rooms = [name for name, entry in library().items() if entry.room]
             raise LightsphereError(f"{photograph!r} is no room; photograph one of {', '.join(rooms)}")
-        from ..blender.inverse.room import photographed
+        from ..blender.inverse.photograph import photographed
 
         run_with_bar(photographed(photograph, output))
         print(f"scenes: {photograph} in {output}")

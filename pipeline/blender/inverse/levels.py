@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.inverse import LEVELS, MOST, SHARP, Model
 from ...core.inverse.estimate import Fit, better, combined
 from ...core.progress import Progress, Work
-from .room import Crop, Room
+from .room import Room
 
 Array = NDArray[np.float64]
 SLOPES = (0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
@@ -48,13 +48,11 @@ def examined(
         The richest of LEVELS that is tried.
     seed : int
     """
-    crop = around(mask)
-    inside = mask[crop[0] : crop[1], crop[2] : crop[3]]
     samples = int(np.clip(ENOUGH / mask.sum(), *SAMPLES))
 
     def shown(model: Model) -> Array:
         with room.trying(number, model):
-            return np.stack([room.render(samples, 2 * seed + s + 100_000, True, crop)[inside] for s in range(2)]) / HALF
+            return np.stack([room.pixels(mask, samples, 2 * seed + s + 100_000, True) for s in range(2)]) / HALF
 
     def fitted(*bases: Array) -> Fit:
         return combined(np.stack(bases, axis=1), photograph[mask], weight[mask])
@@ -121,9 +119,3 @@ def _bounded(model: Model) -> Model:
     return dataclasses.replace(
         model, diffuse=np.minimum(model.diffuse, MOST), specular=np.minimum(model.specular, MOST)
     )
-
-
-def around(mask: NDArray[np.bool_]) -> Crop:
-    """Return the smallest crop that holds a mask."""
-    rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
-    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1

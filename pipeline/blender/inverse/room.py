@@ -13,18 +13,14 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core import images
 from ...core.errors import LightsphereError
 from ...core.inverse import Model, grey
-from ...core.progress import Progress, Work
 from .. import cycles, exr
 from ..camera import camera_of
-from ..scene import load
 from . import closures
 from .groups import Group
 
 FEW_BOUNCES, MOST_BOUNCES = 6, 32
-PASSES, PASS_SAMPLES, PHOTOGRAPH_SEED = 16, 64, 1_000_000
 Array = NDArray[np.float64]
 Crop = tuple[int, int, int, int]  # rows from, to, columns from, to
 
@@ -83,17 +79,6 @@ class Room:
             for (item, slot), material in zip(self.groups[number].slots, self.original[number], strict=True):
                 item.material_slots[slot].material = material
 
-    def save(self, path: Path) -> None:
-        """Save a copy of the scene as it is now; raise LightsphereError when it cannot be written."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with cycles.caught_output():
-                bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), copy=True, compress=True)
-        except RuntimeError as error:
-            raise LightsphereError(
-                f"{path} cannot be written ({error}); free space or choose another folder"
-            ) from error
-
     def paint(self, number: int, texture: NDArray[np.float32] | None) -> None:
         """Give a group a texture (H, W, 3) of diffuse reflectances, or take it away."""
         closures.paint(self.materials[number], self.groups[number].name, texture, self.layers[number])
@@ -114,12 +99,17 @@ class Room:
         ):
             path = Path(folder) / "room.exr"
             cycles.render(self.scene, path)
-            channels = exr.read(path)
-        picture = np.stack([channels[letter] for letter in "RGB"], axis=-1).astype(np.float64)
+            picture = exr.read_rgb(path).astype(np.float64)
         self.renders += 1
         self.samples += samples * picture.shape[0] * picture.shape[1]
         self.seconds += time.perf_counter() - start
         return picture
+
+    def pixels(self, mask: NDArray[np.bool_], samples: int, seed: int, steady: bool = False) -> Array:
+        """Render no more than holds a mask; return its pixels (P, 3)."""
+        rows, columns = (np.nonzero(mask.any(axis=axis))[0] for axis in (1, 0))
+        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+        return self.render(samples, seed, steady, (top, bottom, left, right))[mask[top:bottom, left:right]]
 
     def layers_of_pixels(self) -> tuple[NDArray[np.int64], Array]:
         """Return which group each pixel shows (H, W), -1 for none, and its texture coordinates (H, W, 2)."""
@@ -165,30 +155,6 @@ class Room:
             cycles.changed(self.scene.render, border),
         ):
             yield
-
-
-def photographed(name: str, path: Path) -> Work[None]:
-    """Render a built-in room as it is, with light of 32 bounces and Blender's own pixel filter, as linear EXR.
-
-    In passes with seeds that no search uses.
-    """
-    loaded = load(name)
-    camera = camera_of(loaded, loaded.render.resolution_x, loaded.render.resolution_y)
-    pictures = []
-    own = {"filter_width": 1.5, "min_light_bounces": 4}
-    transport = cycles.Transport(MOST_BOUNCES, samples=PASS_SAMPLES)
-    for number in range(PASSES):
-        with (
-            cycles.measuring(loaded, camera, transport, PHOTOGRAPH_SEED + number),
-            cycles.changed(loaded.cycles, own),
-            cycles.openexr(loaded),
-            tempfile.TemporaryDirectory() as folder,
-        ):
-            cycles.render(loaded, Path(folder) / "pass.exr")
-            channels = exr.read(Path(folder) / "pass.exr")
-        pictures.append(np.stack([channels[letter] for letter in "RGB"], axis=-1))
-        yield Progress("photograph", number + 1, PASSES, "passes")
-    images.write_rgb(path, np.mean(pictures, axis=0, dtype=np.float64).astype(np.float32))
 
 
 def _uv_layer(group: Group) -> str:

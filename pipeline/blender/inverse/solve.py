@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import FREE, LEVELS, STEPS, InverseSettings, Model, grey, moved
+from ...core.inverse import COLOURED, FREE, LEVELS, STEPS, InverseSettings, Model, grey, moved
 from ...core.inverse.estimate import newton, unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
 from ...core.inverse.texture import reflectance_map
 from ...core.progress import Progress, Work, retold
-from .levels import ENOUGH, around, examined
+from .levels import ENOUGH, examined
 from .room import Room
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ class Found:
     tried : list of list of dict
         Levels that were tried, each with its relative error.
     history : list of dict
-        After every stage: ``stage``, ``seconds``, ``error`` (relative, render noise taken off), ``models``.
+        After every stage: ``stage``, ``seconds``, ``error`` (relative, render noise taken off).
     """
 
     models: list[Model]
@@ -188,8 +187,8 @@ class Search:
     def _refine(self, rounds: int, samples: int, damping: float) -> Work[None]:
         """Let all parameters of all groups move together: Gauss-Newton, the derivatives by renders of the same seed.
 
-        A step after which less is explained is taken back, the next is shorter. A parameter whose step changes its sign
-        goes in shorter steps from then on (Kesten 1958), so that it settles in the mean of what noise makes of it.
+        A step that more than doubles the error is taken back, the next is shorter. A parameter whose step changes its
+        sign goes in shorter steps from then on (Kesten 1958), so that it settles in the mean of what noise makes of it.
         """
         kinds = [
             (number, kind)
@@ -199,7 +198,7 @@ class Search:
         ]
         derivatives = yield from self._derivatives(kinds)
         best: tuple[float, list[Model], Array] | None = None
-        turns: list[Array] = [np.zeros(3 if kind in ("diffuse", "specular") else 1) for _, kind in kinds]
+        turns: list[Array] = [np.zeros(3 if kind in COLOURED else 1) for _, kind in kinds]
         last = [np.zeros_like(one) for one in turns]
         for _ in range(rounds):
             if self._out_of_time():
@@ -228,7 +227,7 @@ class Search:
 
     def _uncertainty(self) -> float:
         """Return the largest relative deviation of the reflectances."""
-        parts = [d[kind] for d in self.deviations for kind in ("diffuse", "specular") if kind in d]
+        parts = [d[kind] for d in self.deviations for kind in COLOURED if kind in d]
         return max((max(part) for part in parts), default=0.0)
 
     def _show_all(self, models: Sequence[Model]) -> None:
@@ -250,23 +249,20 @@ class Search:
         own: dict[int, list[Array]] = {}
         for place, (number, kind) in enumerate(kinds):
             model, mask = self.room.models[number], self.masks[number]
-            by = STEPS[kind] * (-1.0 if kind in ("diffuse", "specular") and getattr(model, kind).max() > 0.8 else 1.0)
+            by = STEPS[kind] * (-1.0 if kind in COLOURED and getattr(model, kind).max() > 0.8 else 1.0)
             changed = moved(model, kind, by)
             if kind == "diffuse" or not mask.any():
                 with self.room.trying(number, changed):
                     for s, seed in enumerate(seeds):
                         found[s, place] = (self.room.render(each, seed, True) - whole[s]) / by
             if mask.any():
-                crop = around(mask)
-                rows, columns = slice(*crop[:2]), slice(*crop[2:])
-                inside = mask[rows, columns]
                 samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
                 if number not in own:
-                    own[number] = [self.room.render(samples, seed, True, crop) for seed in seeds]
+                    own[number] = [self.room.pixels(mask, samples, seed, True) for seed in seeds]
                 with self.room.trying(number, changed):
                     for s, seed in enumerate(seeds):
-                        change = (self.room.render(samples, seed, True, crop) - own[number][s]) / by
-                        found[s, place][rows, columns][inside] = change[inside]
+                        change = self.room.pixels(mask, samples, seed, True) - own[number][s]
+                        found[s, place][mask] = change / by
             yield self._step("derivatives")
         return np.clip(found, -bound, bound)
 
@@ -276,7 +272,7 @@ class Search:
         """Return the step of every kind and its deviation, (3,) of reflectances, (1,) of what all colours share."""
         columns, owner = [], []
         for place, (_, kind) in enumerate(kinds):
-            coloured = kind in ("diffuse", "specular")
+            coloured = kind in COLOURED
             for colour in range(3 if coloured else 1):
                 column = np.zeros_like(derivatives[:, place])
                 chosen = slice(colour, colour + 1) if coloured else slice(None)
@@ -310,12 +306,8 @@ class Search:
         for mask in self.masks:
             samples = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
             if mask.any() and samples > self._samples(LEVEL_SAMPLES):
-                crop = around(mask)
-                inside = mask[crop[0] : crop[1], crop[2] : crop[3]]
                 for own in residuals:
-                    own[mask] = (
-                        self.photograph[mask] - self.room.render(samples, self._next_seed(), False, crop)[inside]
-                    )
+                    own[mask] = self.photograph[mask] - self.room.pixels(mask, samples, self._next_seed())
         return residuals
 
     def _unexplained(self, residuals: Array, number: int) -> float:
@@ -348,6 +340,5 @@ class Search:
         products = (residuals[0] * residuals[1])[self.weight > 0]
         power = float((self.photograph[self.weight > 0] ** 2).mean())
         error = float(np.sqrt(max(products.mean(), 0.0) / power))
-        models = [dataclasses.replace(model) for model in self.room.models]
         seconds = time.perf_counter() - self.start
-        self.history.append({"stage": stage, "seconds": seconds, "error": error, "models": models})
+        self.history.append({"stage": stage, "seconds": seconds, "error": error})

@@ -33,6 +33,7 @@ FREE = {
     "anisotropic": ("diffuse", "specular", "alpha", "ratio", "angle"),
     "texture": ("diffuse",),
 }
+COLOURED = ("diffuse", "specular")  # parameters with a value for every colour; the others serve all three
 SHARP = 1e-3  # alpha of a mirror: below it Cycles' float32 half vectors are too coarse
 LEAST, MOST = 1e-3, 0.98  # reflectances: nothing is dropped from the render, and light fades
 ALPHAS = (SHARP, 0.7)
@@ -95,7 +96,7 @@ class Model:
     def as_json(self) -> dict[str, Any]:
         """Return level and parameters as plain values."""
         values: dict[str, Any] = {"level": self.level}
-        for name in ("diffuse", "specular"):
+        for name in COLOURED:
             if name in FREE[self.level]:
                 values[f"rho_{name[0]}"] = getattr(self, name).tolist()
         if "alpha" in FREE[self.level]:
@@ -116,7 +117,7 @@ STEPS = {"diffuse": 0.15, "specular": 0.15, "alpha": 0.15, "ratio": 0.2, "angle"
 
 def moved(model: Model, kind: str, by: Array | float) -> Model:
     """Return a model one kind of whose parameters is moved: angles by degrees, all others by factors exp(by)."""
-    if kind in ("diffuse", "specular"):
+    if kind in COLOURED:
         return dataclasses.replace(model, **{kind: np.clip(getattr(model, kind) * np.exp(by), LEAST, MOST)})
     step = float(np.mean(by))
     if kind == "alpha":
