@@ -110,3 +110,13 @@ PLANTED_PRINCIPLED = 0.02
 RENDERED_PRINCIPLED = 4e-3
 # Textures of 8 bits.
 EIGHT_BITS = 0.5 / 255 + 1e-4
+
+# Unknown lights
+# A ball of two materials, 12 lamps of strengths 20 % apart, 40 degrees of view: what is left of the bas-relief
+# ambiguity [degrees]; strengths go with it, relative.
+UNKNOWN_LIGHTS = 2.5
+UNKNOWN_NORMALS = 3.0
+UNKNOWN_STRENGTHS = 0.03
+# The photographs given back by lights, normals and tables, relative RMS: a table is a mean over azimuths, and at the
+# rim a lobe falls steeply.
+UNKNOWN_PICTURE = 0.08

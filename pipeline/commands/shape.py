@@ -11,8 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ..core.capture import Capture
-from ..core.compare.shapes import shape_errors
+from ..core.capture import Capture, relit
+from ..core.compare.shapes import light_errors_deg, shape_errors
 from ..core.errors import LightsphereError
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
@@ -20,6 +20,7 @@ from ..core.shape.mesh import relief
 from ..core.shape.photometric import recover as photometric
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
+from ..core.shape.uncalibrated import recover as uncalibrated
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 MeshFile = Annotated[
@@ -33,28 +34,36 @@ NAMED = 5  # changed pictures that a warning names
 
 @settings_options(ShapeSettings)
 def shape(
-    capture: Annotated[Path, typer.Argument(help="folder of a capture under known lights")],
+    capture: Annotated[Path, typer.Argument(help="folder of a capture; uncalibrated needs no lights")],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the shape")],
     settings: ShapeSettings,
     mesh: MeshFile = None,
     mesh_unit: Annotated[float, typer.Option(help="length of the mesh's unit [m]", min=1e-9)] = 1.0,
     json: JsonFile = None,
 ) -> None:
-    """Recover depth and normals of every pixel, for any BRDF; with acls, basis BRDFs and weight maps, too."""
+    """Recover depth and normals of every pixel, for any BRDF; by acls and uncalibrated its reflectance, too."""
     opened = Capture.open(capture)
     with Figures("shape", json) as figures:
         start = time.perf_counter()
-        reflectance = None
+        reflectance, source = None, capture
+        doubts: tuple[str, ...] = ()
         if mesh:
             found = _scanned(opened, mesh, mesh_unit, output)
         elif settings.method == "double-sphere":
             found = run_with_bar(recover(opened, settings))
+        elif settings.method == "uncalibrated":
+            whole = run_with_bar(uncalibrated.recover(opened, settings))
+            found, reflectance, doubts = whole.shape, whole.reflectance, whole.doubts
+            source = output / "capture"
+            relit(opened, whole.lights, source)
+            figures.values["lights"] = found.notes["lights"]
+            figures.values["light_deviation_deg"] = float(whole.deviation.mean())
         else:
             both = run_with_bar(photometric.recover(opened, settings))
             found, reflectance = both.shape, both.reflectance
         figures.values["solve_seconds"] = time.perf_counter() - start
         found.notes["settings"] = dataclasses.asdict(settings)
-        found.notes["capture"] = os.path.relpath(capture, output)
+        found.notes["capture"] = os.path.relpath(source, output)
         if not (found.confidence > 0).any():
             raise LightsphereError(
                 f"{capture}: no pixel is lit by {settings.min_lit} lights or more; "
@@ -62,10 +71,12 @@ def shape(
             )
         truth = opened.truth()
         errors: dict[str, Any] = shape_errors(found, truth, opened.mask()) if truth is not None else {}
+        if settings.method == "uncalibrated" and opened.lights.kind == "distant":
+            errors["light_mae_deg"] = float(light_errors_deg(whole.lights, opened.lights).mean())
         found.notes["errors"] = errors
         found.save(output)
         if reflectance is not None:
-            notes = {**reflectance.notes, "shape": "..", "capture": os.path.relpath(capture, output / "reflectance")}
+            notes = {**reflectance.notes, "shape": "..", "capture": os.path.relpath(source, output / "reflectance")}
             dataclasses.replace(reflectance, notes=notes).save(output / "reflectance")
             figures.values.update({key: reflectance.notes[key] for key in OF_BASES if key in reflectance.notes})
         write_ply(output / "mesh.ply", relief(found))
@@ -79,6 +90,8 @@ def shape(
         figures.summary = words + (
             f", silhouette_overlap_pct {found.notes['silhouette_overlap_pct']:.3g}" if mesh else ""
         )
+    for doubt in doubts:
+        print(f"lightsphere: {capture}: {doubt}", file=sys.stderr)
     _warn_of_changes(opened)
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -196,3 +198,15 @@ class Capture:
             raise LightsphereError(
                 f"{path} is damaged ({error!r}); capture again, finished pictures are kept"
             ) from error
+
+
+def relit(capture: Capture, lights: Lights, folder: Path) -> Capture:
+    """Write a capture of the same pictures, which stay where they are, under other lights."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("mask.exr", "truth.exr"):
+        if (capture.folder / name).is_file():
+            shutil.copyfile(capture.folder / name, folder / name)
+    files = tuple(os.path.relpath(capture.folder / name, folder) for name in capture.files)
+    made = dataclasses.replace(capture, folder=folder, lights=lights, files=files)
+    made.save()
+    return made

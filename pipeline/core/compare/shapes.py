@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..capture import Truth
 from ..errors import LightsphereError
+from ..lights import Lights
 from ..shape import Shape
 
 
@@ -107,3 +108,9 @@ def shape_errors(shape: Shape, truth: Truth, mask: NDArray[np.bool_]) -> dict[st
 
 def _percentile(values: NDArray[np.float64], percent: float) -> float:
     return float(np.percentile(values, percent)) if len(values) else np.nan
+
+
+def light_errors_deg(found: Lights, true: Lights) -> NDArray[np.float64]:
+    """Return the angle between recovered and true direction of every distant light, (L,) [degrees]."""
+    sine = np.linalg.norm(np.cross(found.position, true.position), axis=1)
+    return np.degrees(np.arctan2(sine, (found.position * true.position).sum(axis=1)))

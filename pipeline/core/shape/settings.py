@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 from ..settings import setting
 
-METHODS = ("double-sphere", "acls", "lambertian")
+METHODS = ("double-sphere", "acls", "lambertian", "uncalibrated")
 COLOURS = ("bases", "weights")
 STARTS = ("lobe", "symmetry")
+STRENGTHS = ("similar", "equal", "unknown")
 OBJECTIVES = ("joint", "source")
 
 
 @dataclass(frozen=True)
 class ShapeSettings:
-    """How shape is recovered; see :mod:`pipeline.core.shape.double_sphere` and :mod:`pipeline.core.shape.photometric`.
+    """How shape is recovered; see :mod:`pipeline.core.shape.double_sphere`, :mod:`~pipeline.core.shape.photometric`
+    and :mod:`~pipeline.core.shape.uncalibrated`.
 
     ``objective``, ``candidates`` and ``min_lit`` belong to double covering.
     """
@@ -22,10 +24,11 @@ class ShapeSettings:
     method: str = setting(
         "double-sphere",
         "double-sphere: depth from lights on two surfaces; acls: normals, basis BRDFs and weight maps from known "
-        "lights (on two surfaces depth, too); lambertian: normals by robust photometric stereo",
+        "lights (on two surfaces depth, too); lambertian: normals by robust photometric stereo; "
+        "uncalibrated: lights, normals and basis BRDFs from 10 to 15 photographs under unknown lights",
         choices=METHODS,
     )
-    bases: int = setting(3, "most basis BRDFs that acls tells apart", low=1, high=4)
+    bases: int = setting(3, "most basis BRDFs that acls and uncalibrated tell apart", low=1, high=4)
     colour: str = setting("bases", "where acls puts the colour: into the basis BRDFs or the weights", choices=COLOURS)
     start: str = setting(
         "lobe",
@@ -40,6 +43,11 @@ class ShapeSettings:
         unit="lights",
         high=1000,
         low=0,
+    )
+    strengths: str = setting(
+        "similar",
+        "what uncalibrated is told of the lights: similar, within some 20 %; equal; or unknown",
+        choices=STRENGTHS,
     )
     objective: str = setting(
         "joint",

@@ -102,7 +102,7 @@ def _lambertian(capture: Capture, mask: NDArray[np.bool_], sight: Sight, before:
     mask = mask.copy()
     mask[mask] = known
     normals = seen_from(b[known], sight.select(known), 0.0)
-    return _surface(capture, mask, normals, np.ones(int(known.sum())), before, {})
+    return surface(capture, mask, normals, np.ones(int(known.sum())), before, {})
 
 
 def _shape(capture: Capture, mask: NDArray[np.bool_], found: Decomposition, before: Shape | None) -> Shape:
@@ -112,10 +112,10 @@ def _shape(capture: Capture, mask: NDArray[np.bool_], found: Decomposition, befo
         "normal_deviation": np.degrees(found.deviation),
         "start_explains_better": found.kept.astype(np.float64),
     }
-    return _surface(capture, mask, found.normals, confidence, before, layers)
+    return surface(capture, mask, found.normals, confidence, before, layers)
 
 
-def _surface(
+def surface(
     capture: Capture,
     mask: NDArray[np.bool_],
     normals: NDArray[np.float64],
@@ -123,6 +123,7 @@ def _surface(
     before: Shape | None,
     layers: dict[str, NDArray[np.float64]],
 ) -> Shape:
+    """Return the surface through the normals (P, 3) of a mask's pixels, on the depth of an earlier shape if any."""
     normal = np.full((*mask.shape, 3), np.nan)
     normal[mask] = normals
     trust, maps = np.zeros(mask.shape), {name: np.full(mask.shape, np.nan, np.float32) for name in layers}

@@ -1,0 +1,351 @@
+"""The photometric equations of many pixels under lights that are unknown, too, and their elimination.
+
+Pixel p sees of light l, in colour c::
+
+    y_plc = max(n_p . s_l, 0) sum_k w_pk sum_j C_kjc g_j(n_p, s_l, v_p)
+
+with the unit normal n, the light s (its direction times its strength), the weights w >= 0 of the bases and the
+coefficients C >= 0 of the lobes g (:mod:`.lobes`). A Gauss-Newton step over all of these at once needs a system that is
+dense in the few unknowns shared by all pixels, lights and coefficients, and small for each pixel: normal (two tangents)
+and weights. Every pixel's own unknowns are eliminated (Schur complement), which costs a time linear in pixels.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from ...compiled import kernel, parallel_kernel
+from .lobes import LEAST_FACING, lobes
+
+Array = NDArray[np.float64]
+
+WIDTH = 0.1  # misfit over the larger of value and usual value at which a value counts half
+RIDGE = 1e-9
+LARGEST_TURN = 0.3  # of a normal in one step [rad]
+
+
+@kernel
+def frame(normal: Array, tangents: Array) -> None:
+    """Fill in two unit tangents (2, 3) of a normal."""
+    x, y, z = normal
+    if abs(x) < 0.6:
+        tangents[0, 0], tangents[0, 1], tangents[0, 2] = 0.0, z, -y
+    else:
+        tangents[0, 0], tangents[0, 1], tangents[0, 2] = -z, 0.0, x
+    length = math.sqrt((tangents[0] ** 2).sum())
+    tangents[0] /= length
+    tangents[1, 0] = y * tangents[0, 2] - z * tangents[0, 1]
+    tangents[1, 1] = z * tangents[0, 0] - x * tangents[0, 2]
+    tangents[1, 2] = x * tangents[0, 1] - y * tangents[0, 0]
+
+
+@kernel
+def respond(
+    normal: Array,
+    view: Array,
+    light: Array,
+    weights: Array,
+    coefficients: Array,
+    tangents: Array,
+    scratch: Array,
+    value: Array,
+    by_normal: Array,
+    by_weight: Array,
+    by_light: Array,
+    by_lobe: Array,
+) -> bool:
+    """Fill in what a pixel shows of a light, and the derivatives; return whether the light is above the surface.
+
+    Parameters
+    ----------
+    normal, view, light : (3,)
+    weights : (K,)
+    coefficients : (K, J, 3)
+    tangents : (2, 3)
+    scratch : (4, J)
+    value : (3,)
+        y of the three colours.
+    by_normal, by_weight, by_light : (2, 3), (K, 3), (3, 3)
+        Derivatives by the turn towards each tangent, each weight and each component of the light; colours last.
+    by_lobe : (J,)
+        Derivative by the coefficient C_kjc over w_k.
+    """
+    facing = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2]
+    if facing <= 0.0:
+        return False
+    strength = math.sqrt(light[0] ** 2 + light[1] ** 2 + light[2] ** 2)
+    half = math.sqrt(
+        (light[0] / strength + view[0]) ** 2
+        + (light[1] / strength + view[1]) ** 2
+        + (light[2] / strength + view[2]) ** 2
+    )
+    cos_h, cos_o, towards = 0.0, 0.0, 0.0
+    for i in range(3):
+        cos_h += normal[i] * (light[i] / strength + view[i]) / half
+        cos_o += normal[i] * view[i]
+        towards += (light[i] / strength + view[i]) / half * light[i] / strength
+    cos_h, cos_i = min(cos_h, 1.0), facing / strength
+    g, g_h, g_i, g_o = scratch[0], scratch[1], scratch[2], scratch[3]
+    lobes(cos_h, cos_i, max(cos_o, LEAST_FACING), g, g_h, g_i, g_o)
+    for j in range(g.size):
+        by_lobe[j] = facing * g[j]
+    along = (cos_i - cos_h * towards) / half  # of the part of n across h, over |l + v|, with l
+    for c in range(3):
+        f, f_h, f_i, f_o = 0.0, 0.0, 0.0, 0.0
+        for k in range(weights.size):
+            b, b_h, b_i, b_o = 0.0, 0.0, 0.0, 0.0
+            for j in range(g.size):
+                b += coefficients[k, j, c] * g[j]
+                b_h += coefficients[k, j, c] * g_h[j]
+                b_i += coefficients[k, j, c] * g_i[j]
+                b_o += coefficients[k, j, c] * g_o[j]
+            by_weight[k, c] = facing * b
+            f += weights[k] * b
+            f_h += weights[k] * b_h
+            f_i += weights[k] * b_i
+            f_o += weights[k] * b_o
+        value[c] = facing * f
+        for t in range(2):
+            turn_h, turn_i, turn_o = 0.0, 0.0, 0.0
+            for i in range(3):
+                turn_h += tangents[t, i] * (light[i] / strength + view[i]) / half
+                turn_i += tangents[t, i] * light[i] / strength
+                turn_o += tangents[t, i] * view[i]
+            by_normal[t, c] = strength * turn_i * f + facing * (f_h * turn_h + f_i * turn_i + f_o * turn_o)
+        for i in range(3):
+            direction = light[i] / strength
+            across_h = (normal[i] - cos_h * (direction + view[i]) / half) / half
+            move_h = (across_h - direction * along) / strength
+            move_i = (normal[i] - direction * cos_i) / strength
+            by_light[i, c] = normal[i] * f + facing * (f_h * move_h + f_i * move_i)
+    return True
+
+
+@parallel_kernel
+def certainties(
+    values: Array, usual: Array, lit: Array, views: Array, normals: Array, weights: Array, lights: Array,
+    coefficients: Array, certainty: Array,
+) -> None:  # fmt: skip
+    """Fill in how much each value (P, L) counts: Cauchy's weight of its misfit, over its variance.
+
+    The standard deviation of a value is a share of the larger of it and the pixel's usual value, so that highlights
+    count by their ratio and dark values by their difference.
+    """
+    pixels, count = lit.shape
+    for p in prange(pixels):
+        tangents, scratch, value = np.zeros((2, 3)), np.empty((4, coefficients.shape[1])), np.empty(3)
+        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
+        by_weight, by_lobe = np.empty((weights.shape[1], 3)), np.empty(coefficients.shape[1])
+        for k in range(count):
+            if lit[p, k] <= 0.0:
+                certainty[p, k] = 0.0
+                continue
+            value[:] = 0.0
+            respond(
+                normals[p], views[p], lights[k], weights[p], coefficients, tangents, scratch, value, by_normal,
+                by_weight, by_light, by_lobe,
+            )  # fmt: skip
+            certainty[p, k] = lit[p, k] * certainty_of(values[p, k], value, usual[p])
+
+
+@kernel
+def certainty_of(seen: Array, foreseen: Array, usual: float) -> float:
+    """Return how much a value (3,) counts that a model foresees, beside a pixel's usual one."""
+    size = max((seen[0] + seen[1] + seen[2]) / 3.0, usual)
+    miss = (abs(seen[0] - foreseen[0]) + abs(seen[1] - foreseen[1]) + abs(seen[2] - foreseen[2])) / (3.0 * size)
+    return float(1.0 / (3.0 * size**2 * (WIDTH**2 + miss**2)))
+
+
+@kernel
+def _add_cues(cues: Array, targets: Array, trust: Array, normal: Array, tangents: Array, a: Array, b: Array) -> float:
+    """Add the equations cue . n = target of one pixel to its system; return their cost."""
+    cost = 0.0
+    for m in range(trust.size):
+        if trust[m] <= 0.0:
+            continue
+        miss, first, second = targets[m], 0.0, 0.0
+        for i in range(3):
+            miss -= cues[m, i] * normal[i]
+            first += cues[m, i] * tangents[0, i]
+            second += cues[m, i] * tangents[1, i]
+        cost += trust[m] * miss * miss
+        b[0] += trust[m] * first * miss
+        b[1] += trust[m] * second * miss
+        a[0, 0] += trust[m] * first * first
+        a[1, 0] += trust[m] * first * second
+        a[1, 1] += trust[m] * second * second
+    return cost
+
+
+@kernel
+def factorise(a: Array, weights: Array, b: Array, damping: float) -> None:
+    """Turn a pixel's system into its damped Cholesky factor (lower); weights that want below 0 are held."""
+    size = b.size
+    for k in range(weights.size):
+        if weights[k] <= 0.0 and b[2 + k] <= 0.0:
+            a[2 + k, :] = 0.0
+            a[:, 2 + k] = 0.0
+            a[2 + k, 2 + k] = 1.0
+            b[2 + k] = 0.0
+    for i in range(size):
+        a[i, i] = a[i, i] * (1.0 + damping) + RIDGE
+        for j in range(i + 1):
+            total = a[i, j]
+            for m in range(j):
+                total -= a[i, m] * a[j, m]
+            a[i, j] = math.sqrt(max(total, RIDGE**2)) if i == j else total / a[j, j]
+
+
+@parallel_kernel
+def eliminate(
+    values: Array, certainty: Array, views: Array, cues: Array, targets: Array, trust: Array, normals: Array,
+    weights: Array, lights: Array, coefficients: Array, damping: float,
+    factors: Array, reduced: Array, right: Array, shared: Array, gradient: Array, costs: Array,
+) -> None:  # fmt: skip
+    """Fill in the equations of all pixels with their own unknowns eliminated.
+
+    Parameters
+    ----------
+    values, certainty, views : (P, L, 3), (P, L), (P, 3)
+    cues, targets, trust : (P, M, 3), (P, M), (P, M)
+        What is known of a normal otherwise: cue . n = target.
+    normals, weights, lights, coefficients : (P, 3), (P, K), (L, 3), (K, J, 3)
+    damping : float
+        Of Levenberg and Marquardt.
+    factors : (P, 2 + K, 2 + K)
+        Cholesky factor A of each pixel's damped system.
+    reduced, right : (P, 2 + K, G), (P, 2 + K)
+        A^-1 times the coupling to the G = 3 L + 3 K J shared unknowns, and times the pixel's gradient.
+    shared, gradient : (T, G, G), (T, G)
+        Zeros on entry; sums over T parts of the pixels: the shared unknowns' own system.
+    costs : (P,)
+    """
+    pixels, count = certainty.shape
+    bases, functions = coefficients.shape[:2]
+    own, total, parts = 2 + bases, shared.shape[1], shared.shape[0]
+    for part in prange(parts):
+        tangents, scratch, value = np.empty((2, 3)), np.empty((4, functions)), np.empty(3)
+        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
+        by_weight, by_lobe = np.empty((bases, 3)), np.empty(functions)
+        coupling, slope = np.empty((own, total)), np.empty(own)
+        for p in range(part * pixels // parts, (part + 1) * pixels // parts):
+            a, b = factors[p], right[p]
+            a[:], b[:], coupling[:] = 0.0, 0.0, 0.0
+            frame(normals[p], tangents)
+            costs[p] = _add_cues(cues[p], targets[p], trust[p], normals[p], tangents, a, b)
+            for k in range(count):
+                sure = certainty[p, k]
+                if sure <= 0.0:
+                    continue
+                value[:] = 0.0
+                lit = respond(
+                    normals[p], views[p], lights[k], weights[p], coefficients, tangents, scratch, value, by_normal,
+                    by_weight, by_light, by_lobe,
+                )  # fmt: skip
+                for c in range(3):
+                    miss = values[p, k, c] - value[c]
+                    costs[p] += sure * miss * miss
+                    if not lit:
+                        continue
+                    slope[0], slope[1] = by_normal[0, c], by_normal[1, c]
+                    for n in range(bases):
+                        slope[2 + n] = by_weight[n, c]
+                    for i in range(own):
+                        b[i] += sure * slope[i] * miss
+                        for j in range(i + 1):
+                            a[i, j] += sure * slope[i] * slope[j]
+                        for j in range(3):
+                            coupling[i, 3 * k + j] += sure * slope[i] * by_light[j, c]
+                        for n in range(bases):
+                            share = sure * slope[i] * weights[p, n]
+                            if share != 0.0:
+                                for j in range(functions):
+                                    coupling[i, 3 * count + (n * functions + j) * 3 + c] += share * by_lobe[j]
+                    for i in range(3):
+                        gradient[part, 3 * k + i] += sure * by_light[i, c] * miss
+                        for j in range(3):
+                            shared[part, 3 * k + i, 3 * k + j] += sure * by_light[i, c] * by_light[j, c]
+                    for n in range(bases):
+                        if weights[p, n] == 0.0:
+                            continue
+                        for j in range(functions):
+                            place = 3 * count + (n * functions + j) * 3 + c
+                            share = sure * weights[p, n] * by_lobe[j]
+                            gradient[part, place] += share * miss
+                            for i in range(3):
+                                shared[part, 3 * k + i, place] += share * by_light[i, c]
+                            for m in range(bases):
+                                if weights[p, m] != 0.0:
+                                    for i in range(functions):
+                                        other = 3 * count + (m * functions + i) * 3 + c
+                                        shared[part, place, other] += share * weights[p, m] * by_lobe[i]
+            for i in range(own):
+                for j in range(i):
+                    a[j, i] = a[i, j]
+            for n in range(bases):
+                if weights[p, n] <= 0.0 and b[2 + n] <= 0.0:
+                    coupling[2 + n] = 0.0
+            factorise(a, weights[p], b, damping)
+            for i in range(own):
+                for j in range(i):
+                    b[i] -= a[i, j] * b[j]
+                b[i] /= a[i, i]
+                for g in range(total):
+                    rest = coupling[i, g]
+                    for j in range(i):
+                        rest -= a[i, j] * reduced[p, j, g]
+                    reduced[p, i, g] = rest / a[i, i]
+
+
+@parallel_kernel
+def foreseen_costs(
+    values: Array, certainty: Array, views: Array, cues: Array, targets: Array, trust: Array, normals: Array,
+    weights: Array, lights: Array, coefficients: Array, costs: Array,
+) -> None:  # fmt: skip
+    """Fill in the cost of every pixel (P,) as :func:`eliminate` has it."""
+    pixels, count = certainty.shape
+    for p in prange(pixels):
+        tangents, scratch, value = np.zeros((2, 3)), np.empty((4, coefficients.shape[1])), np.empty(3)
+        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
+        by_weight, by_lobe = np.empty((weights.shape[1], 3)), np.empty(coefficients.shape[1])
+        costs[p] = _add_cues(
+            cues[p], targets[p], trust[p], normals[p], tangents, np.empty((2, 2)), np.empty(2)
+        )  # fmt: skip
+        for k in range(count):
+            if certainty[p, k] <= 0.0:
+                continue
+            value[:] = 0.0
+            respond(
+                normals[p], views[p], lights[k], weights[p], coefficients, tangents, scratch, value, by_normal,
+                by_weight, by_light, by_lobe,
+            )  # fmt: skip
+            for c in range(3):
+                costs[p] += certainty[p, k] * (values[p, k, c] - value[c]) ** 2
+
+
+@kernel
+def turn(start: Array, tangents: Array, step: Array, view: Array, normal: Array) -> None:
+    """Fill in the normal turned by a step along its tangents, but no further than the camera can see."""
+    first = min(max(step[0], -LARGEST_TURN), LARGEST_TURN)
+    second = min(max(step[1], -LARGEST_TURN), LARGEST_TURN)
+    for i in range(3):
+        normal[i] = start[i] + first * tangents[0, i] + second * tangents[1, i]
+    normal /= math.sqrt((normal**2).sum())
+    lack = max(LEAST_FACING - (normal * view).sum(), 0.0)
+    for i in range(3):
+        normal[i] += lack * view[i]
+    normal /= math.sqrt((normal**2).sum())
+
+
+@parallel_kernel
+def turn_normals(steps: Array, views: Array, normals: Array) -> None:
+    """Turn normals (P, 3) in place by steps (P, 2 or more) along their tangents."""
+    for p in prange(normals.shape[0]):
+        tangents, turned = np.empty((2, 3)), np.empty(3)
+        frame(normals[p], tangents)
+        turn(normals[p], tangents, steps[p], views[p], turned)
+        normals[p] = turned

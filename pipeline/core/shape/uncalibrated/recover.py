@@ -1,0 +1,254 @@
+"""Shape, reflectance and lights of a capture whose lights are not known.
+
+The lights and the bases come from the pictures reduced to a few thousand pixels (:mod:`.solve`); then every pixel is
+fitted to them by itself, and the surface integrated. Lights are distant. The brightness of all lights together is
+open: it is set so that bright pixels get the albedo :data:`BRIGHT_ALBEDO`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from ...capture import Capture
+from ...errors import LightsphereError
+from ...lights import Lights
+from ...progress import Progress, Work
+from ...reflectance.bivariate import Bivariate
+from .. import Shape
+from ..photometric.bases import gather
+from ..photometric.recover import USUAL_DEVIATION, surface
+from ..photometric.sight import Sight, see
+from ..photometric.start import half_way, seen_from
+from ..settings import ShapeSettings
+from . import lobes
+from .joint import Joint
+from .outline import outline
+from .pixels import refine_pixels
+from .solve import Pictures, Solution, solve
+
+Array = NDArray[np.float64]
+
+FEWEST = 6  # photographs that tell lights and normals apart
+PIXELS = 1800  # about so many are solved together with the lights
+FEW_PIXELS = 60
+AT_ONCE = 20_000  # pixels refined between two words of progress
+BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
+FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
+MATT = 0.02  # share of gloss in the usual basis below which there is no highlight to speak of
+UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
+SCATTERS = {"similar": 0.2, "equal": 0.005, "unknown": 1.0}  # of the strengths' logarithm
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """Shape, reflectance, and the lights in the world with their standard deviations (L,) [degrees]."""
+
+    shape: Shape
+    reflectance: Bivariate
+    lights: Lights
+    deviation: Array
+    doubts: tuple[str, ...]
+
+
+def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
+    """Recover lights, normals, surface, bases and weight maps; what the capture says of its lights is not looked at.
+
+    Raises
+    ------
+    LightsphereError
+        For fewer than six photographs, too small an object, or pictures without anything to start from.
+    """
+    if len(capture) < FEWEST:
+        raise LightsphereError(
+            f"{capture.folder} has {len(capture)} photographs; unknown lights need at least {FEWEST}, better 10 to 15"
+        )
+    mask = capture.mask()
+    if mask.sum() < FEW_PIXELS:
+        raise LightsphereError(f"{capture.folder}: {int(mask.sum())} pixels show the object; correct the mask")
+    sight = yield from see(_hidden(capture), mask)
+    level = float(np.quantile(sight.values, 0.9))
+    if not level > 0:
+        raise LightsphereError(f"{capture.folder}: the object is black in nearly all photographs; look at them")
+    colours = _light_colours(sight)
+    everything = _pictures(capture, mask, sight, level * colours)
+    reduced = _reduced(capture, everything)
+    solution = yield from solve(
+        reduced, outline(reduced.mask, reduced.views), settings.bases, SCATTERS[settings.strengths]
+    )
+    joint = solution.joint
+    normals, weights, misfit, deviation = yield from _all_pixels(everything, reduced, joint)
+    strength = np.linalg.norm(joint.lights, axis=1)
+    direction = joint.lights / strength[:, None]
+    bright = float(np.quantile(everything.usual(everything.lit()), BRIGHT)) * level / BRIGHT_ALBEDO
+    to_world = capture.camera.to_world[:3, :3]
+    intensity = np.pi * bright * strength[:, None] * colours
+    lights = Lights("distant", direction @ to_world.T, intensity, np.full(len(direction), 2))
+    scaled = joint.coefficients * level / (np.pi * bright)
+    spread = _deviations(solution)
+    doubts = _doubts(joint, spread)
+    confidence = (1.0 - misfit) / (1.0 + deviation / USUAL_DEVIATION)
+    layers = {"misfit": misfit, "normal_deviation": np.degrees(deviation)}
+    shape = surface(capture, mask, normals, confidence, None, layers)
+    notes = {
+        "lights": [
+            {"direction": d.tolist(), "strength": float(s), "deviation_deg": float(u)}
+            for d, s, u in zip(lights.position, strength, spread, strict=True)
+        ],
+        "doubts": list(doubts),
+        "objectives": list(solution.objectives),
+    }
+    shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
+    known = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))
+    reflectance = _reflectance(mask, known, everything, normals, weights, scaled, misfit)
+    return Recovered(shape, reflectance, lights, spread, doubts)
+
+
+def _hidden(capture: Capture) -> Capture:
+    """Return the capture under lights that say nothing: values are radiances."""
+    axis = np.repeat(capture.camera.to_world[None, :3, 2], len(capture), axis=0)
+    blank = Lights("distant", axis, np.ones((len(capture), 3)), np.full(len(capture), 2))
+    return dataclasses.replace(capture, lights=blank)
+
+
+def _light_colours(sight: Sight) -> Array:
+    """Return the colour of every light (L, 3) over the set's, with mean 1: the usual pixel's change of colour."""
+    values = sight.values.astype(np.float64)
+    lit = (sight.lit() & (values.min(axis=2) > 0))[..., None]
+    ratio = np.where(
+        lit, np.log(np.where(lit, values / np.where(lit, values.mean(axis=2, keepdims=True), 1), 1)), np.nan
+    )
+    ratio = ratio[lit[..., 0].sum(axis=1) >= FEWEST]
+    if not len(ratio):
+        return np.ones((values.shape[1], 3))
+    change = np.nan_to_num(np.nanmedian(ratio - np.nanmedian(ratio, axis=1, keepdims=True), axis=0))
+    colours = np.exp(change)
+    return np.asarray(colours / colours.mean(axis=1, keepdims=True))
+
+
+def _pictures(capture: Capture, mask: NDArray[np.bool_], sight: Sight, unit: Array) -> Pictures:
+    origins, directions = capture.camera.rays()
+    rotation = capture.camera.to_world[:3, :3]
+    rays = np.concatenate([(origins[mask] - capture.camera.to_world[:3, 3]) @ rotation, directions[mask] @ rotation], 1)
+    pinhole = capture.camera.model == "pinhole"
+    return Pictures(mask, rays, sight.values / unit, sight.usable.astype(np.float64), pinhole)
+
+
+def _reduced(capture: Capture, full: Pictures) -> Pictures:
+    """Return the means of square blocks of pixels that lie within the mask, about :data:`PIXELS` of them."""
+    side = max(round(float(np.sqrt(full.mask.sum() / PIXELS))), 1)
+    mask = _blocks(full.mask, side).all(axis=(1, 3))
+    if mask.sum() < FEW_PIXELS:
+        side, mask = 1, full.mask
+    height, width = mask.shape
+    values, usable = np.empty((int(mask.sum()), *full.values.shape[1:])), np.empty((int(mask.sum()), len(capture)))
+    picture, used = np.zeros((*full.mask.shape, 3)), np.zeros(full.mask.shape)
+    for light in range(len(capture)):
+        picture[full.mask], used[full.mask] = full.values[:, light], full.usable[:, light]
+        values[:, light] = _blocks(picture, side).mean(axis=(1, 3))[mask]
+        usable[:, light] = _blocks(used, side).min(axis=(1, 3))[mask]
+    place = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1).astype(np.float64) * side
+    origins, directions = capture.camera.rays_at(place)
+    rotation = capture.camera.to_world[:3, :3]
+    rays = np.concatenate([(origins[mask] - capture.camera.to_world[:3, 3]) @ rotation, directions[mask] @ rotation], 1)
+    return Pictures(mask, rays, values, usable, full.pinhole)
+
+
+def _blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
+    """Return a picture (H, W, ...) as (H / side, side, W / side, side, ...); what does not fill a block is left out."""
+    height, width = picture.shape[0] // side, picture.shape[1] // side
+    return picture[: height * side, : width * side].reshape(height, side, width, side, *picture.shape[2:])
+
+
+def _all_pixels(full: Pictures, reduced: Pictures, joint: Joint) -> Work[tuple[Array, Array, Array, Array]]:
+    """Fit every pixel to lights and bases, from its block's normal and from its brightest lights' half-way vector."""
+    place = np.argwhere(full.mask)
+    side = max(full.mask.shape[0] // reduced.mask.shape[0], 1)
+    nearest = distance_transform_edt(~reduced.mask, return_distances=False, return_indices=True)
+    number = np.zeros(reduced.mask.shape, np.int64)
+    number[reduced.mask] = np.arange(int(reduced.mask.sum()))
+    row, column = (np.minimum(place[:, i] // side, reduced.mask.shape[i] - 1) for i in range(2))
+    own = number[nearest[0][row, column], nearest[1][row, column]]
+    lit = full.lit()
+    usual, views = full.usual(lit), full.views
+    lights = np.ascontiguousarray(joint.lights)
+    direction = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    normals, weights = np.empty((len(place), 3)), np.empty((len(place), joint.weights.shape[1]))
+    misfit, deviation = np.empty(len(place)), np.empty(len(place))
+    for first in range(0, len(place), AT_ONCE):
+        part = slice(first, min(first + AT_ONCE, len(place)))
+        values, seen, view = np.ascontiguousarray(full.values[part]), np.ascontiguousarray(lit[part]), views[part]
+        sight = Sight(values, seen, direction, False, np.zeros_like(view), view)  # type: ignore[arg-type]
+        scale = (usual[part] / joint.usual[own[part]])[:, None]
+        found = []
+        for start in (seen_from(joint.normals[own[part]], sight), half_way(sight)):
+            state = (start.copy(), joint.weights[own[part]] * scale, np.empty(len(view)), np.empty(len(view)))
+            refine_pixels(values, usual[part], seen, view, lights, joint.coefficients, *state)
+            found.append(state)
+        better = found[1][2] < found[0][2]
+        chosen = [np.where(better[:, None] if a.ndim == 2 else better, b, a) for a, b in zip(*found, strict=True)]
+        normals[part], weights[part] = chosen[0], chosen[1]
+        used = np.maximum((seen > 0).sum(axis=1), 1)
+        deviation[part] = np.sqrt(chosen[2] * used / np.maximum(used - 2, 1) / np.maximum(chosen[3], 1e-12))
+        misfit[part] = chosen[2] / (1.0 + chosen[2])
+        yield Progress("normals", part.stop, len(place), "pixels")
+    return normals, weights, misfit, np.minimum(deviation, np.pi / 2)
+
+
+def _deviations(solution: Solution) -> Array:
+    """Return the standard deviation of every light [degrees]: by the curvature, and by what is nearly as good."""
+    best = solution.joint
+    covariance = best.light_covariance()
+    strength = np.linalg.norm(best.lights, axis=1)
+    direction = best.lights / strength[:, None]
+    squares = np.empty(len(strength))
+    for k, d in enumerate(direction):
+        across = np.eye(3) - np.outer(d, d)
+        block = covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        squares[k] = np.trace(across @ block @ across) / strength[k] ** 2
+    for lights in solution.doubtful:
+        there = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+        squares += np.linalg.norm(np.cross(direction, there), axis=1) ** 2
+    return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2))
+
+
+def _doubts(joint: Joint, deviation: Array) -> tuple[str, ...]:
+    """Return in words what the photographs leave open."""
+    doubts = []
+    direction = joint.lights / np.linalg.norm(joint.lights, axis=1, keepdims=True)
+    spread = np.linalg.svd(direction, compute_uv=False)
+    if spread[2] < FLAT * spread[0]:
+        doubts.append(
+            "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
+        )
+    gloss = joint.coefficients[:, 1:].sum(axis=(1, 2)) / np.maximum(joint.coefficients.sum(axis=(1, 2)), 1e-12)
+    if (joint.weights.mean(axis=0) @ gloss) / len(gloss) < MATT:
+        doubts.append("there are no highlights; how high the relief is rests on outline and strengths alone")
+    if not joint.outline.rim.any():
+        doubts.append(
+            "the object's outline is not in the picture; how high the relief is rests on strengths and highlights"
+        )
+    if deviation.mean() > UNSURE:
+        doubts.append(f"the lights are known to {deviation.mean():.1f} degrees only")
+    return tuple(doubts)
+
+
+def _reflectance(
+    mask: NDArray[np.bool_], sight: Sight, full: Pictures, normals: Array, weights: Array, coefficients: Array,
+    misfit: Array,
+) -> Bivariate:  # fmt: skip
+    """Return bases as tables, weight maps, and where values reached the tables."""
+    table = lobes.tables(coefficients)
+    certainty = (full.lit() > 0).astype(np.float32)
+    band = gather(sight, certainty, normals, weights[..., None], table.shape).band
+    seen = band[:, 0].reshape(table.shape[:3])
+    maps = np.full((*mask.shape, weights.shape[1], 1), np.nan, np.float32)
+    maps[mask] = weights[..., None]
+    error = np.full(mask.shape, np.nan, np.float32)
+    error[mask] = misfit
+    notes = {"bases": table.shape[2], "nodes_seen": float((seen > 0).mean())}
+    return Bivariate(table, seen, maps, error, notes)

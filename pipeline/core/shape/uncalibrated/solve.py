@@ -1,0 +1,178 @@
+"""Lights and bases from the pictures of a few thousand pixels: several starts, the best end."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from ...errors import LightsphereError
+from ...progress import Progress, Work, retold
+from ..photometric.sight import Sight
+from ..photometric.start import begin, clusters
+from . import lobes
+from .joint import CUES, Joint
+from .outline import Outline
+from .start import first_lights
+
+Array = NDArray[np.float64]
+
+SHADOWED = 0.1  # of a pixel's 90th percentile; below it a light is taken for shadowed
+USUAL = 0.6  # quantile of the lit values that is a pixel's usual one
+MIXED = 0.02  # share that every basis has of every pixel at first
+STEPS = 60  # of the joint minimisation
+REWEIGHED = 5  # every so many steps the values are weighed anew
+SURFACE_FROM = 0.5  # of the steps; before, normals are too wrong to tell of a surface
+STEPS_WITHOUT = 15  # from the best end, without one of the cues
+AS_GOOD = 1.05  # times the best objective: such an end is nearly as good
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """What P pixels see, without lights.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        Where the pixels are; numbered in row order.
+    rays : (P, 6) float64
+        Origin and unit direction, camera space.
+    values : (P, L, 3) float64
+        Radiance in any unit.
+    usable : (P, L) float64
+        0 where saturated or not a number, 1 where trusted.
+    pinhole : bool
+    """
+
+    mask: NDArray[np.bool_]
+    rays: Array
+    values: Array
+    usable: Array
+    pinhole: bool
+
+    @property
+    def views(self) -> Array:
+        """Unit directions to the camera (P, 3)."""
+        return np.ascontiguousarray(-self.rays[:, 3:])
+
+    def gray(self) -> Array:
+        """Return the mean of the colours (P, L)."""
+        return np.asarray(self.values.mean(axis=2))
+
+    def lit(self) -> Array:
+        """Return how far each value can be used (P, L): 0 in shadow."""
+        gray = self.gray()
+        bright = np.quantile(np.where(self.usable > 0, gray, 0.0), 0.9, axis=1, keepdims=True)
+        return np.where(gray > SHADOWED * bright, self.usable, 0.0)
+
+    def usual(self, lit: Array) -> Array:
+        """Return each pixel's usual value (P,)."""
+        seen = np.where(lit > 0, self.gray(), np.nan)
+        seen[np.isnan(seen).all(axis=1)] = 1.0
+        return np.asarray(np.nanquantile(seen, USUAL, axis=1))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The best end, and how far others lie from it.
+
+    Parameters
+    ----------
+    joint : Joint
+    objectives : tuple of float
+        Of every start, the best first.
+    doubtful : list of (L, 3) float64
+        Lights that are nearly as good: where other starts ended, and where it goes without one of the cues.
+    """
+
+    joint: Joint
+    objectives: tuple[float, ...]
+    doubtful: list[Array]
+
+
+def solve(pictures: Pictures, outline: Outline, bases: int, scatter: float) -> Work[Solution]:
+    """Find lights and bases.
+
+    Raises
+    ------
+    LightsphereError
+        When the pictures leave nothing to start from.
+    """
+    lit = pictures.lit()
+    starts = first_lights(pictures.gray(), lit > 0, outline.dome)
+    if not starts:
+        raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
+    total = len(starts) * STEPS + len(CUES) * STEPS_WITHOUT
+    ends = []
+    for number, lights in enumerate(starts):
+        joint = yield from _begun(pictures, outline, lit, lights, bases, scatter)
+        yield from _descend(joint, pictures, STEPS, number * STEPS, total)
+        ends.append((joint.objective(), joint))
+    ends.sort(key=lambda end: end[0])
+    best = ends[0][1]
+    doubtful = [end.lights for objective, end in ends[1:] if objective < AS_GOOD * ends[0][0]]
+    for number, cue in enumerate(sorted(CUES)):
+        without = dataclasses.replace(best, believes=CUES - {cue})
+        yield from _descend(without, pictures, STEPS_WITHOUT, len(starts) * STEPS + number * STEPS_WITHOUT, total)
+        doubtful.append(without.lights)
+    return Solution(best, tuple(objective for objective, _ in ends), doubtful)
+
+
+def _descend(joint: Joint, pictures: Pictures, steps: int, before: int, total: int) -> Work[None]:
+    """Minimise from where the state is; it is weighed in the end."""
+    for done in range(steps):
+        if done % REWEIGHED == 0:
+            joint.weigh()
+            if done >= SURFACE_FROM * STEPS or steps < STEPS:
+                joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
+        joint.step()
+        yield Progress("lights", before + done + 1, total, "steps")
+    joint.weigh()
+    joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
+
+
+def _begun(pictures: Pictures, outline: Outline, lit: Array, lights: Array, bases: int, scatter: float) -> Work[Joint]:
+    """Return the state with each pixel fitted by itself under the first lights, and bases of the pixels alike."""
+    strength = np.linalg.norm(lights, axis=1, keepdims=True)
+    values = (pictures.values / strength).astype(np.float32)
+    views = pictures.views
+    sight = Sight(
+        values, pictures.usable.astype(np.float32), np.ascontiguousarray(lights / strength), False,
+        np.zeros_like(views), views,
+    )  # fmt: skip
+    start = yield from retold(begin(sight), lambda step: dataclasses.replace(step, stage="pixels"))
+    owner = clusters(start.features, bases)
+    count = int(owner.max(initial=0)) + 1
+    weights = np.repeat(MIXED * start.albedo[:, None], count, axis=1)
+    weights[np.arange(len(owner)), owner] += start.albedo
+    usual = pictures.usual(lit)
+    coefficients = np.stack(
+        [_fitted(pictures, lit, usual, owner == k, start.normals, weights[:, k], lights) for k in range(count)]
+    )
+    return Joint(
+        pictures.values, lit, usual, views, outline, start.normals.copy(), weights, lights, coefficients, scatter
+    )
+
+
+def _fitted(
+    pictures: Pictures, lit: Array, usual: Array, own: NDArray[np.bool_], normals: Array, weight: Array, lights: Array
+) -> Array:
+    """Return the coefficients (J, 3) >= 0 of one basis from the pixels that are its own."""
+    normal, view = normals[own], pictures.views[own]
+    facing = normal @ lights.T
+    direction = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    half = direction + view[:, None]
+    half /= np.linalg.norm(half, axis=2, keepdims=True)
+    cos_h = np.minimum(np.einsum("plk,pk->pl", half, normal), 1.0)
+    cos_o = np.broadcast_to(np.maximum((normal * view).sum(axis=1), lobes.LEAST_FACING)[:, None], cos_h.shape)
+    seen = (lit[own] > 0) & (facing > 0)
+    trust = 1.0 / np.maximum(pictures.gray()[own], usual[own, None])[seen]
+    functions = lobes.evaluated(cos_h[seen], np.maximum(normal @ direction.T, lobes.LEAST_FACING)[seen], cos_o[seen])
+    functions *= (facing * weight[own, None])[seen][:, None] * trust[:, None]
+    if not len(functions):
+        return np.eye(lobes.COUNT)[:, :1].repeat(3, axis=1)
+    targets = pictures.values[own][seen] * trust[:, None]
+    return np.asarray(np.stack([nnls(functions, targets[:, colour])[0] for colour in range(3)], axis=1))

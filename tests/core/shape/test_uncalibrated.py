@@ -1,0 +1,229 @@
+"""Lights, normals and bases come back from pictures alone, and what cannot be told is said."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.core.camera import Camera
+from pipeline.core.compare.shapes import light_errors_deg
+from pipeline.core.errors import LightsphereError
+from pipeline.core.lights import Lights
+from pipeline.core.progress import finish
+from pipeline.core.shape.settings import ShapeSettings
+from pipeline.core.shape.uncalibrated import equations, integrability, lobes
+from pipeline.core.shape.uncalibrated.outline import outline
+from pipeline.core.shape.uncalibrated.recover import Recovered, recover
+from pipeline.core.shape.uncalibrated.start import equally_strong
+from tests import oracles, synthetic, tolerances
+from tests.drawn import Drawn
+
+Array = NDArray[Any]
+COUNT = 12
+RANDOM = np.random.default_rng(3)
+
+
+def lamps(cone: float = 55.0, strengths: float = 0.2) -> Lights:
+    """Lights held about the view, their strengths differing."""
+    number = np.arange(COUNT)
+    height = 1 - (1 - np.cos(np.radians(cone))) * ((number * 5) % COUNT + 0.5) / COUNT
+    angle = 2.4 * number
+    across = np.sqrt(1 - height**2)
+    direction = np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
+    strength = np.pi * (1 + strengths * np.cos(1.7 * number))
+    return Lights("distant", direction, np.repeat(strength[:, None], 3, axis=1), np.full(COUNT, 2))
+
+
+def view(degrees: float) -> Camera:
+    distance = 1.1 / np.sin(np.radians(degrees) / 2)
+    return synthetic.camera(56, distance=float(distance))
+
+
+def photographed(camera: Camera, lights: Lights, gloss: float = 0.25, noise: float = 0.002) -> Drawn:
+    """A dented ball of two materials, matt brown and glossy green, drawn without cast shadows."""
+    ball = synthetic.ball(camera)
+    known = ball.confidence > 0
+    normal = camera.normals_to_world(np.nan_to_num(ball.normal))
+    share = (0.5 + 0.5 * np.sin(5 * normal[..., 0] + 3 * normal[..., 1]))[..., None]
+    to_viewer = -camera.rays()[1]
+    pictures = np.zeros((COUNT, *known.shape, 3), np.float32)
+    for k in range(COUNT):
+        wi = np.broadcast_to(lights.position[k], normal.shape)
+        matt = oracles.lambert_cosine(normal, wi, 1.0)[..., None]
+        glossy = oracles.ggx_cosine(normal, wi, to_viewer, 0.5)[..., None]
+        seen = share * np.array([0.7, 0.4, 0.2]) * matt + (1 - share) * (
+            np.array([0.1, 0.3, 0.1]) * matt + gloss * glossy
+        )
+        lit = known & (oracles.dot(normal, wi) > 0)
+        pictures[k] = np.where(lit[..., None], seen, 0) * lights.intensity[k]
+        pictures[k] += noise * RANDOM.standard_normal(pictures[k].shape)
+    names = tuple(f"{k}.exr" for k in range(COUNT))
+    notes = {"diameter": 1.6}
+    return Drawn(Path("drawn"), camera, lights, names, ("",) * COUNT, notes, np.maximum(pictures, 0), known)
+
+
+def solved(capture: Drawn, **settings: Any) -> Recovered:
+    return finish(recover(capture, ShapeSettings(method="uncalibrated", **settings)))
+
+
+def normal_error(found: Recovered, camera: Camera) -> float:
+    true = synthetic.ball(camera)
+    known = true.confidence > 0
+    cosine = oracles.dot(found.shape.normal[known], true.normal[known])
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+
+
+@pytest.fixture(scope="module")
+def ball() -> Recovered:
+    return solved(photographed(view(40), lamps()))
+
+
+def test_lights_and_normals_come_back(ball: Recovered) -> None:
+    assert light_errors_deg(ball.lights, lamps()).mean() < tolerances.UNKNOWN_LIGHTS
+    assert normal_error(ball, view(40)) < tolerances.UNKNOWN_NORMALS
+    strength = ball.lights.intensity.mean(axis=1) / lamps().intensity.mean(axis=1)
+    assert np.std(np.log(strength)) < tolerances.UNKNOWN_STRENGTHS
+
+
+def test_lights_that_the_capture_states_are_not_looked_at(ball: Recovered) -> None:
+    capture = photographed(view(40), lamps())
+    blind = dataclasses.replace(
+        capture, lights=Lights("unknown", np.zeros((COUNT, 3)), np.ones((COUNT, 3)), np.full(COUNT, 2))
+    )
+    found = solved(blind)
+    assert light_errors_deg(found.lights, ball.lights).max() < tolerances.UNKNOWN_LIGHTS
+
+
+def test_a_picture_is_predicted_by_what_was_recovered(ball: Recovered) -> None:
+    """The recovered lights, normals and tables give the pictures back; another light's direction does not."""
+    capture = photographed(view(40), lamps(), noise=0.0)
+    known = capture.mask() & np.isfinite(ball.shape.normal).all(axis=-1)
+    normal = capture.camera.normals_to_world(ball.shape.normal[known].astype(np.float64))
+    to_viewer = -capture.camera.rays()[1][known]
+
+    def error(shown: int, light: int) -> float:
+        wi = np.broadcast_to(ball.lights.position[light], normal.shape)
+        f, _ = ball.reflectance.evaluate(ball.reflectance.weights[known], normal, wi, to_viewer)
+        made = f * np.maximum(oracles.dot(normal, wi), 0)[:, None] * ball.lights.intensity[light]
+        true = capture.image(shown)[known]
+        return float(np.sqrt(((made - true) ** 2).sum() / (true**2).sum()))
+
+    assert max(error(k, k) for k in range(COUNT)) < tolerances.UNKNOWN_PICTURE
+    assert min(error(k, (k + 1) % COUNT) for k in range(COUNT)) > 2 * tolerances.UNKNOWN_PICTURE
+
+
+def test_coloured_lamps_change_nothing_but_their_colour() -> None:
+    lights = lamps()
+    tint = 1 + 0.3 * np.sin(np.arange(3 * COUNT).reshape(COUNT, 3))
+    coloured = dataclasses.replace(lights, intensity=lights.intensity * tint)
+    found = solved(photographed(view(40), coloured))
+    assert light_errors_deg(found.lights, lights).mean() < tolerances.UNKNOWN_LIGHTS
+    ratio = found.lights.intensity / coloured.intensity
+    ratio /= ratio.mean(axis=0)
+    assert np.std(np.log(ratio / ratio.mean(axis=1, keepdims=True))) < tolerances.UNKNOWN_STRENGTHS
+
+
+def test_matt_object_ends_well_and_says_so() -> None:
+    found = solved(photographed(view(40), lamps(), gloss=0.0), strengths="equal")
+    assert any("no highlights" in doubt for doubt in found.doubts)
+
+
+def test_lamps_in_one_small_cone_are_told() -> None:
+    found = solved(photographed(view(40), lamps(cone=6.0)))
+    assert any("small cone" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize("count", [2, 5])
+def test_too_few_photographs_are_refused(count: int) -> None:
+    with pytest.raises(LightsphereError, match=f"has {count} photographs"):
+        solved(photographed(view(40), lamps()).select(np.arange(count)))  # type: ignore[arg-type]
+
+
+def test_black_photographs_are_refused() -> None:
+    capture = photographed(view(40), lamps())
+    assert capture.pictures is not None
+    with pytest.raises(LightsphereError, match="black"):
+        solved(dataclasses.replace(capture, pictures=0 * capture.pictures))
+
+
+def test_derivatives_are_those_of_the_values() -> None:
+    random = np.random.default_rng(0)
+    weights, coefficients = random.uniform(0.5, 1, 2), random.uniform(0, 1, (2, lobes.COUNT, 3))
+    view, light = oracles.unit(np.array([0.2, 0.1, 1.0])), np.array([0.5, -0.3, 0.9])
+    normal = oracles.unit(np.array([0.3, 0.2, 0.8]))
+    tangents = np.empty((2, 3))
+    equations.frame(normal, tangents)
+
+    def response(n: Array, s: Array, w: Array) -> list[Array]:
+        out = [np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((3, 3)), np.zeros(lobes.COUNT)]
+        assert equations.respond(n, view, s, w, coefficients, tangents, np.empty((4, lobes.COUNT)), *out)
+        return out
+
+    value, by_normal, by_weight, by_light, by_lobe = response(normal, light, weights)
+    np.testing.assert_allclose(tangents @ np.stack([normal, *tangents]).T, [[0, 1, 0], [0, 0, 1]], atol=1e-12)
+    step = 1e-6
+    for t in range(2):
+        ahead, behind = (response(normal + s * step * tangents[t], light, weights)[0] for s in (1, -1))
+        np.testing.assert_allclose(by_normal[t], (ahead - behind) / (2 * step), rtol=tolerances.JACOBIAN)
+    for i in range(3):
+        move = step * np.eye(3)[i]
+        ahead, behind = (response(normal, light + s * move, weights)[0] for s in (1, -1))
+        np.testing.assert_allclose(by_light[i], (ahead - behind) / (2 * step), rtol=tolerances.JACOBIAN)
+    np.testing.assert_allclose(by_weight.T @ weights, value, rtol=1e-12)
+    np.testing.assert_allclose(np.einsum("k,j,kjc->c", weights, by_lobe, coefficients), value, rtol=1e-12)
+
+
+def test_lobes_are_those_of_ggx() -> None:
+    """Against the oracle: a lobe over pi alpha is D V, whose product with the cosine the oracle gives."""
+    normal = np.array([[0.0, 0.0, 1.0]])
+    wi, wo = oracles.unit(np.array([[0.5, 0.2, 1.0]])), oracles.unit(np.array([[-0.1, 0.6, 1.0]]))
+    half = oracles.unit(wi + wo)
+    found = lobes.evaluated(half[:, 2], wi[:, 2], wo[:, 2])[0]
+    for j, alpha in enumerate(lobes.ALPHAS):
+        true = oracles.ggx_cosine(normal, wi, wo, np.sqrt(alpha))[0] / wi[0, 2]
+        assert found[j + 1] == pytest.approx(np.pi * alpha * true, rel=1e-6)
+
+
+@pytest.mark.parametrize(("model", "told"), [("pinhole", 8), ("orthographic", 5)])
+def test_integrability_leaves_open_what_it_must(model: str, told: int) -> None:
+    """A pinhole camera leaves the scale open, an orthographic one that and the bas-relief ambiguity."""
+    camera = synthetic.camera(40, model, distance=2.5)
+    ball = synthetic.ball(camera)
+    mask = ball.confidence > 0
+    origins, directions = camera.rays()
+    rays = np.concatenate([(origins - camera.to_world[:3, 3])[mask], directions[mask]], axis=1)
+    lights = lamps().position
+    matrix, target = integrability.cue(mask, rays, ball.normal[mask].astype(np.float64), lights, model == "pinhole")
+    turned = lights @ (np.eye(3) + 0.02 * np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 0]]))
+    flatter = lights * [1, 1, 1.05]
+    off = [float(((target - matrix @ s.ravel()) ** 2).sum()) for s in (lights, turned, flatter)]
+    assert off[1] > 100 * off[0]
+    assert (off[2] > 1e-3 * off[1]) == (model == "pinhole"), off
+    size = np.linalg.svd(matrix, compute_uv=False)
+    assert (size > 1e-2 * size[0]).sum() <= told
+
+
+def test_dome_over_a_disk_is_a_ball() -> None:
+    camera = synthetic.camera(64, "orthographic")
+    ball = synthetic.ball(camera)
+    mask = ball.confidence > 0
+    found = outline(mask, np.broadcast_to([0.0, 0.0, 1.0], (int(mask.sum()), 3)))
+    apart = np.degrees(np.arccos(np.clip(oracles.dot(found.dome, ball.normal[mask]), -1, 1)))
+    assert np.median(apart) < 2.0
+    rim = ball.normal[mask][found.rim]
+    assert np.abs(oracles.dot(rim, found.along[found.rim])).max() < 0.1
+
+
+def test_equal_strengths_fix_a_factor_but_for_a_rotation() -> None:
+    direction = lamps().position
+    mixed = direction @ np.array([[1.0, 0.3, 0.1], [0.0, 1.2, -0.4], [0.2, 0.0, 0.7]])
+    matrix = equally_strong(mixed)
+    assert matrix is not None
+    np.testing.assert_allclose(np.linalg.norm(mixed @ matrix, axis=1), 1.0, atol=1e-9)
+    np.testing.assert_allclose(mixed @ matrix @ (mixed @ matrix).T, direction @ direction.T, atol=1e-9)
+    assert equally_strong(np.ones((COUNT, 3))) is None
