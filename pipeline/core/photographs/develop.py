@@ -23,6 +23,7 @@ from .settings import ImportSettings
 from .survey import Survey, light_warnings
 
 DIAMETER = 1.0  # [m] of the object, where nothing tells its size
+FULL_FRAME = 36.0  # [mm] of the longer side that focal lengths are stated for
 HALF_BITS = 10  # half floats keep 11 significant bits
 
 
@@ -31,8 +32,8 @@ def develop(photographs: Photographs, source: Path, folder: Path, settings: Impo
 
     Pictures are linear with the full scale of each light's (shortest) exposure as 1; where exposure times are known,
     each light's intensity is multiplied by its time over the median time, which makes them comparable. Numbers of
-    more than 10 bits are kept as float, others as half. A camera that is not known is orthographic, camera space is
-    the world, and the object's larger extent is 1 m. What was found stands in the notes under ``found``.
+    more than 10 bits are kept as float, others as half. A camera that is not known is orthographic, or a pinhole where
+    its focal length is stated, and the object's larger extent is 1 m. What was found stands in the notes under ``found``.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def develop(photographs: Photographs, source: Path, folder: Path, settings: Impo
     mask, assumed = _mask(photographs, survey)
     limit = survey.saturation(min(picture.saturation for picture in pictures))
     survey.check(mask, source)
-    camera = photographs.camera or orthographic(mask)
+    camera = photographs.camera or framing(mask, settings.focal)
     if camera.resolution != survey.shape[::-1]:
         raise LightsphereError(
             f"the camera is one of {camera.resolution[0]}x{camera.resolution[1]} pixels, the photographs are "
@@ -118,12 +119,24 @@ def _write_pictures(
     return written
 
 
-def orthographic(mask: NDArray[np.bool_]) -> Camera:
-    """Return the camera of a set without one: camera space is the world, the mask's larger extent 1 m."""
+def framing(mask: NDArray[np.bool_], focal: float) -> Camera:
+    """Return the camera of a set without one, the mask's larger extent 1 m about the world's origin.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+    focal : float
+        Focal length as if the picture's longer side were 36 mm [mm]; 0: orthographic, camera space is the world.
+    """
     height, width = mask.shape
     row, column = np.nonzero(mask)
     extent = float(max(np.ptp(row), np.ptp(column)) + 1) / DIAMETER
-    return Camera("orthographic", np.eye(4), (width, height), (extent, extent), (width / 2, height / 2))
+    to_world = np.eye(4)
+    if not focal:
+        return Camera("orthographic", to_world, (width, height), (extent, extent), (width / 2, height / 2))
+    pixels = focal / FULL_FRAME * max(width, height)
+    to_world[2, 3] = pixels / extent
+    return Camera("pinhole", to_world, (width, height), (pixels, pixels), (width / 2, height / 2))
 
 
 def _identity(photographs: Photographs, settings: ImportSettings) -> Work[tuple[str, list[dict[str, str]]]]:

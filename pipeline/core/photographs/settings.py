@@ -27,5 +27,12 @@ class ImportSettings:
         "auto takes srgb for 8 bits and linear for more",
     )
     bracket: int = setting(1, "photographs of each light, one after the other at several exposures", low=1, high=100)
+    focal: float = setting(
+        0.0,
+        "focal length as of a full frame (36 mm wide), where nothing else tells the camera; 0: orthographic",
+        unit="mm",
+        low=0.0,
+        high=10_000.0,
+    )
     chrome: str = setting("", "folder of photographs of a mirror sphere under the same lights", path="folder")
     gray: str = setting("", "folder of photographs of a matt sphere under the same lights", path="folder")

@@ -12,6 +12,7 @@ from scipy.io import savemat
 
 from pipeline.core.camera import Camera
 from pipeline.core.errors import LightsphereError
+from pipeline.core.photographs.develop import framing
 from pipeline.core.photographs.formats import find
 from pipeline.core.photographs.photographs import Photographs
 from pipeline.core.photographs.settings import ImportSettings
@@ -287,3 +288,15 @@ def test_what_is_no_input_is_told(there: Drawer) -> None:
     refused(there, "has no list of lights", format="folder")
     there.text("capture.json", "{}")
     refused(there, "is a capture already")
+
+
+@pytest.mark.parametrize("focal", [0.0, 50.0])
+def test_stated_focal_length_is_the_cameras(focal: float) -> None:
+    """The object's extent is 1 m about the origin, and a picture 36 mm wide is 2 atan(18 / focal) wide."""
+    mask = np.zeros((40, 60), bool)
+    mask[10:30, 5:55] = True
+    camera = framing(mask, focal)
+    edges, _ = camera.project(np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]))
+    assert np.ptp(edges[:, 0]) == pytest.approx(50)
+    if focal:
+        assert camera.resolution[0] / camera.focal[0] / 2 == pytest.approx(18 / focal)

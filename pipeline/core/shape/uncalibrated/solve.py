@@ -26,8 +26,8 @@ MIXED = 0.02  # share that every basis has of every pixel at first
 STEPS = 60  # of the joint minimisation
 REWEIGHED = 5  # every so many steps the values are weighed anew
 SURFACE_FROM = 0.5  # of the steps; before, normals are too wrong to tell of a surface
-STEPS_WITHOUT = 15  # from the best end, without one of the cues
-AS_GOOD = 1.05  # times the best objective: such an end is nearly as good
+STEPS_WITHOUT = 30  # from the best end, without one of the cues
+AS_GOOD = 1.1  # times the best objective: such an end is nearly as good
 
 
 @dataclass(frozen=True)

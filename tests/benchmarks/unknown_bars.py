@@ -1,0 +1,116 @@
+"""The bars that unknown lights are held to: rendered bodies under a dozen hand-held lamps, and DiLiGenT's ball and cat.
+
+Run as ``.venv-3.13/bin/python tests/benchmarks/unknown_bars.py [--cache FOLDER] [--data FOLDER]`` with the Python that
+``bootstrap.py`` set up. The rendered gourd and the body like a bunny were used for tuning.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import normal_captures as captures
+from unknown_captures import COUNT, Case, made
+
+from pipeline.core.capture import Capture
+from pipeline.core.reflectance.bivariate import Bivariate
+from pipeline.core.shape import Shape
+
+BARS = {(50, False): (2.5, 6.0), (20, True): (1.0, 5.0), (20, False): (4.0, 8.0)}
+PICTURE = 0.10  # relative RMSE under a light not in the set
+MEASURED = {"ballPNG": 7.0, "catPNG": 10.0}  # mean angle of the normals [degrees]
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cache", type=Path, help="folder that keeps the captures (default: a temporary one)")
+    parser.add_argument("--data", type=Path, help="folder with diligent/ballPNG and diligent/catPNG")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        cache = chosen.cache or Path(folder)
+        print(f"{'capture':32} light (bar)   stated  normal (bar)  median  new light (bar)  seconds")
+        for view, equal in BARS:
+            for body in ("gourd", "bunny"):
+                for lights in (1, 2):
+                    rendered(cache, Case(body, view, equal, lights))
+        if chosen.data:
+            for name in MEASURED:
+                for every in (1, 8):
+                    measured(cache, chosen.data / "diligent" / name, every)
+
+
+def rendered(cache: Path, case: Case) -> None:
+    """Recover one rendered case and print its row."""
+    whole = made(cache, case)
+    folder = cache / f"{case.name}-given"
+    if not (folder / "capture.json").is_file():
+        captures.without(whole, np.arange(COUNT, len(whole)), folder)
+    out = cache / f"{case.name}-shape"
+    found = recovered(folder, out, "equal" if case.equal else "similar")
+    light, normal = BARS[case.view, case.equal]
+    error = max(new_light(whole, out, number) for number in range(COUNT, len(whole)))
+    print(
+        f"{case.name:32} {found['light_mae_deg']:5.2f} ({light:3.1f}) {found['light_deviation_deg']:7.2f} "
+        f"{found['normal_mae_deg']:7.2f} ({normal:3.1f}) {found['normal_median_deg']:7.2f} "
+        f"{error:10.3f} ({PICTURE:.2f}) {found['seconds']:8.1f}",
+        flush=True,
+    )
+
+
+def recovered(capture: Path, out: Path, strengths: str) -> dict[str, Any]:
+    """Return the figures of the command."""
+    figures = out.with_suffix(".json")
+    options = ("--method", "uncalibrated", "--strengths", strengths, "--json", figures)
+    captures.command("shape", capture, "-o", out, *options)
+    values: dict[str, Any] = json.loads(figures.read_text(encoding="utf-8"))
+    return values
+
+
+def new_light(whole: Capture, out: Path, number: int) -> float:
+    """Return the relative RMSE of the picture under a light that was not given.
+
+    Its direction is turned into the recovered frame as the given lights' directions are, and one number of brightness
+    is fitted; cast shadows are not foreseen.
+    """
+    shape, reflectance, given = Shape.open(out), Bivariate.open(out / "reflectance"), Capture.open(out / "capture")
+    left, _, right = np.linalg.svd(whole.lights.position[:COUNT].T @ given.lights.position)
+    light = whole.lights.position[number] @ left @ right
+    known = whole.mask() & (shape.confidence > 0)
+    normal = shape.camera.normals_to_world(shape.normal[known].astype(np.float64))
+    wi = np.broadcast_to(light, normal.shape)
+    f, _ = reflectance.evaluate(reflectance.weights[known], normal, wi, -shape.camera.rays()[1][known])
+    model = f * np.maximum((normal * wi).sum(axis=1), 0)[:, None]
+    true = whole.image(number)[known].astype(np.float64)
+    model *= (model * true).sum() / (model**2).sum()
+    return float(np.sqrt(((model - true) ** 2).sum() / (true**2).sum()))
+
+
+def measured(cache: Path, photographs: Path, every: int) -> None:
+    """Recover photographs of which the lights are hidden, and print the error of the normals.
+
+    The lights stand in rows of eight; one of every eight is taken, each time another one of the row.
+    """
+    whole = captures.imported(cache, photographs)
+    folder = cache / f"{photographs.name}-{every}"
+    if not (folder / "capture.json").is_file():
+        row = np.arange(len(whole) // every)
+        captures.without(whole, np.setdiff1d(np.arange(len(whole)), every * row + 3 * row % every), folder)
+    found = recovered(folder, cache / f"{folder.name}-shape", "similar")
+    print(
+        f"{photographs.name} {len(Capture.open(folder)):3} photographs: lights {found['light_mae_deg']:.2f}, normals "
+        f"{found['normal_mae_deg']:.2f} ({MEASURED[photographs.name]:g}) degrees, {found['seconds']:.0f} s",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()
