@@ -33,7 +33,7 @@ def develop(photographs: Photographs, source: Path, folder: Path, settings: Impo
     Pictures are linear with the full scale of each light's (shortest) exposure as 1; where exposure times are known,
     each light's intensity is multiplied by its time over the median time, which makes them comparable. Numbers of
     more than 10 bits are kept as float, others as half. A camera that is not known is orthographic, or a pinhole where
-    its focal length is stated, and the object's larger extent is 1 m. What was found stands in the notes under ``found``.
+    its focal length is stated, and the object's larger extent is 1 m. What was found stands in the notes as ``found``.
 
     Parameters
     ----------
