@@ -11,9 +11,10 @@ from typing import Annotated, Any
 
 import typer
 
-from ..core.capture import Capture, relit
+from ..core.capture import Capture, with_lights
 from ..core.compare.shapes import light_errors_deg, shape_errors
 from ..core.errors import LightsphereError
+from ..core.lights import Lights
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
@@ -47,15 +48,16 @@ def shape(
         start = time.perf_counter()
         reflectance, source = None, capture
         doubts: tuple[str, ...] = ()
+        lights: Lights | None = None
         if mesh:
             found = _scanned(opened, mesh, mesh_unit, output)
         elif settings.method == "double-sphere":
             found = run_with_bar(recover(opened, settings))
         elif settings.method == "uncalibrated":
             whole = run_with_bar(uncalibrated.recover(opened, settings))
-            found, reflectance, doubts = whole.shape, whole.reflectance, whole.doubts
+            found, reflectance, doubts, lights = whole.shape, whole.reflectance, whole.doubts, whole.lights
             source = output / "capture"
-            relit(opened, whole.lights, source)
+            with_lights(opened, lights, source)
             figures.values["lights"] = found.notes["lights"]
             figures.values["light_deviation_deg"] = float(whole.deviation.mean())
         else:
@@ -71,8 +73,8 @@ def shape(
             )
         truth = opened.truth()
         errors: dict[str, Any] = shape_errors(found, truth, opened.mask()) if truth is not None else {}
-        if settings.method == "uncalibrated" and opened.lights.kind == "distant":
-            errors["light_mae_deg"] = float(light_errors_deg(whole.lights, opened.lights).mean())
+        if lights is not None and opened.lights.kind == "distant":
+            errors["light_mae_deg"] = float(light_errors_deg(lights, opened.lights).mean())
         found.notes["errors"] = errors
         found.save(output)
         if reflectance is not None:

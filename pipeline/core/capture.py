@@ -200,9 +200,17 @@ class Capture:
             ) from error
 
 
-def relit(capture: Capture, lights: Lights, folder: Path) -> Capture:
-    """Write a capture of the same pictures, which stay where they are, under other lights."""
+def with_lights(capture: Capture, lights: Lights, folder: Path) -> Capture:
+    """Write a capture of the same pictures, which stay where they are, under other lights.
+
+    Raises
+    ------
+    LightsphereError
+        When the folder is the capture's own.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    if folder.samefile(capture.folder):
+        raise LightsphereError(f"{folder} is the capture that is read; choose another folder for the result")
     for name in ("mask.exr", "truth.exr"):
         if (capture.folder / name).is_file():
             shutil.copyfile(capture.folder / name, folder / name)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from pipeline.core import images
-from pipeline.core.capture import Capture
+from pipeline.core.capture import Capture, with_lights
 from pipeline.core.capture_settings import CaptureSettings
 from pipeline.core.progress import finish
 
@@ -119,15 +117,8 @@ def written(drawn: Capture, folder: Path) -> Capture:
 
 def without(capture: Capture, left_out: NDArray[np.int64], folder: Path) -> Capture:
     """Write a capture that lacks some lights; its pictures stay where they are."""
-    folder.mkdir(parents=True)
     kept = capture.select(np.setdiff1d(np.arange(len(capture)), left_out))
-    files = tuple(os.path.relpath(capture.folder / name, folder) for name in kept.files)
-    for name in ("mask.exr", "truth.exr"):
-        if (capture.folder / name).is_file():
-            shutil.copy(capture.folder / name, folder / name)
-    made = dataclasses.replace(kept, folder=folder, files=files)
-    made.save()
-    return made
+    return with_lights(kept, kept.lights, folder)
 
 
 def _whole(folder: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 from pipeline.core import images
 from pipeline.core.camera import Camera
-from pipeline.core.capture import FILE, Capture
+from pipeline.core.capture import FILE, Capture, with_lights
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 
@@ -178,3 +179,19 @@ def test_truth_that_lacks_a_layer_or_does_not_fit_is_named(capture: Capture) -> 
     images.write_channels(path, {k: v.T for k, v in layers.items()})
     with pytest.raises(LightsphereError, match=r"truth\.exr does not fit"):
         capture.truth()
+
+
+def test_a_capture_under_other_lights_shows_the_same_pictures(capture: Capture, tmp_path: Path) -> None:
+    dimmed = dataclasses.replace(capture.lights, intensity=capture.lights.intensity / 2)
+    made = Capture.open(with_lights(capture, dimmed, tmp_path / "elsewhere").folder)
+    assert made.changed() == capture.changed()
+    np.testing.assert_array_equal(made.image(0), capture.image(0))
+    np.testing.assert_array_equal(made.mask(), capture.mask())
+    np.testing.assert_allclose(made.lights.intensity, dimmed.intensity)
+
+
+def test_a_capture_is_not_written_over_itself(capture: Capture) -> None:
+    before = (capture.folder / "capture.json").read_bytes()
+    with pytest.raises(LightsphereError, match="choose another folder"):
+        with_lights(capture, capture.lights, capture.folder)
+    assert (capture.folder / "capture.json").read_bytes() == before

@@ -9,7 +9,7 @@ from ..settings import setting
 METHODS = ("double-sphere", "acls", "lambertian", "uncalibrated")
 COLOURS = ("bases", "weights")
 STARTS = ("lobe", "symmetry")
-STRENGTHS = ("similar", "equal", "unknown")
+STRENGTHS = {"similar": 0.2, "equal": 0.005, "unknown": 1.0}  # scatter of their logarithm
 OBJECTIVES = ("joint", "source")
 
 
@@ -47,7 +47,7 @@ class ShapeSettings:
     strengths: str = setting(
         "similar",
         "what uncalibrated is told of the lights: similar, within some 20 %; equal; or unknown",
-        choices=STRENGTHS,
+        choices=tuple(STRENGTHS),
     )
     objective: str = setting(
         "joint",

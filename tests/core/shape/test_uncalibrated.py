@@ -159,10 +159,11 @@ def test_derivatives_are_those_of_the_values() -> None:
     tangents = np.empty((2, 3))
     equations.frame(normal, tangents)
 
-    def response(n: Array, s: Array, w: Array) -> list[Array]:
-        out = [np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((3, 3)), np.zeros(lobes.COUNT)]
-        assert equations.respond(n, view, s, w, coefficients, tangents, np.empty((4, lobes.COUNT)), *out)
-        return out
+    def response(n: Array, s: Array, w: Array) -> tuple[Array, ...]:
+        space = equations.workspace(2, lobes.COUNT)
+        space[0][:] = tangents
+        assert equations.respond(n, view, s, w, coefficients, space)
+        return space[2:]
 
     value, by_normal, by_weight, by_light, by_lobe = response(normal, light, weights)
     np.testing.assert_allclose(tangents @ np.stack([normal, *tangents]).T, [[0, 1, 0], [0, 0, 1]], atol=1e-12)

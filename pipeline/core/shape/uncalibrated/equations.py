@@ -30,42 +30,26 @@ LARGEST_TURN = 0.3  # of a normal in one step [rad]
 
 @kernel
 def frame(normal: Array, tangents: Array) -> None:
-    """Fill in two unit tangents (2, 3) of a normal."""
+    """Fill in two unit tangents (2, 3) of a normal. Steps are damped along each, so that others end elsewhere."""
     x, y, z = normal
     if abs(x) < 0.6:
         tangents[0, 0], tangents[0, 1], tangents[0, 2] = 0.0, z, -y
     else:
         tangents[0, 0], tangents[0, 1], tangents[0, 2] = -z, 0.0, x
-    length = math.sqrt((tangents[0] ** 2).sum())
-    tangents[0] /= length
+    tangents[0] /= math.sqrt((tangents[0] ** 2).sum())
     tangents[1, 0] = y * tangents[0, 2] - z * tangents[0, 1]
     tangents[1, 1] = z * tangents[0, 0] - x * tangents[0, 2]
     tangents[1, 2] = x * tangents[0, 1] - y * tangents[0, 0]
 
 
 @kernel
-def respond(
-    normal: Array,
-    view: Array,
-    light: Array,
-    weights: Array,
-    coefficients: Array,
-    tangents: Array,
-    scratch: Array,
-    value: Array,
-    by_normal: Array,
-    by_weight: Array,
-    by_light: Array,
-    by_lobe: Array,
-) -> bool:
-    """Fill in what a pixel shows of a light, and the derivatives; return whether the light is above the surface.
+def workspace(bases: int, functions: int) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
+    """Return the arrays that :func:`respond` fills in, for K bases of J functions.
 
-    Parameters
-    ----------
-    normal, view, light : (3,)
-    weights : (K,)
-    coefficients : (K, J, 3)
+    Returns
+    -------
     tangents : (2, 3)
+        Of the normal; the caller fills them in.
     scratch : (4, J)
     value : (3,)
         y of the three colours.
@@ -74,6 +58,28 @@ def respond(
     by_lobe : (J,)
         Derivative by the coefficient C_kjc over w_k.
     """
+    return (
+        np.zeros((2, 3)), np.empty((4, functions)), np.empty(3), np.empty((2, 3)), np.empty((bases, 3)),
+        np.empty((3, 3)), np.empty(functions),
+    )  # fmt: skip
+
+
+@kernel
+def respond(
+    normal: Array, view: Array, light: Array, weights: Array, coefficients: Array, space: tuple[Array, ...]
+) -> bool:
+    """Fill in what a pixel shows of a light, and the derivatives; return whether the light is above the surface.
+
+    Parameters
+    ----------
+    normal, view, light : (3,)
+    weights : (K,)
+    coefficients : (K, J, 3)
+    space : tuple
+        Of :func:`workspace`; where the light is below, y is 0 and the rest is left as it was.
+    """
+    tangents, scratch, value, by_normal, by_weight, by_light, by_lobe = space
+    value[:] = 0.0
     facing = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2]
     if facing <= 0.0:
         return False
@@ -128,42 +134,35 @@ def respond(
 @parallel_kernel
 def certainties(
     values: Array, usual: Array, lit: Array, views: Array, normals: Array, weights: Array, lights: Array,
-    coefficients: Array, certainty: Array,
+    coefficients: Array, certainty: Array, misfit: Array,
 ) -> None:  # fmt: skip
-    """Fill in how much each value (P, L) counts: Cauchy's weight of its misfit, over its variance.
+    """Fill in how much each value (P, L) counts, and Cauchy's cost of its misfit."""
+    pixels, count = lit.shape
+    for p in prange(pixels):
+        space = workspace(weights.shape[1], coefficients.shape[1])
+        for k in range(count):
+            certainty[p, k] = misfit[p, k] = 0.0
+            if lit[p, k] > 0.0:
+                respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
+                sure, cost = certainty_of(values[p, k], space[2], usual[p])
+                certainty[p, k], misfit[p, k] = lit[p, k] * sure, lit[p, k] * cost
+
+
+@kernel
+def certainty_of(seen: Array, foreseen: Array, usual: float) -> tuple[float, float]:
+    """Return Cauchy's weight of a value's (3,) misfit over its variance, and Cauchy's cost log(1 + (miss / WIDTH)^2).
 
     The standard deviation of a value is a share of the larger of it and the pixel's usual value, so that highlights
     count by their ratio and dark values by their difference.
     """
-    pixels, count = lit.shape
-    for p in prange(pixels):
-        tangents, scratch, value = np.zeros((2, 3)), np.empty((4, coefficients.shape[1])), np.empty(3)
-        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
-        by_weight, by_lobe = np.empty((weights.shape[1], 3)), np.empty(coefficients.shape[1])
-        for k in range(count):
-            if lit[p, k] <= 0.0:
-                certainty[p, k] = 0.0
-                continue
-            value[:] = 0.0
-            respond(
-                normals[p], views[p], lights[k], weights[p], coefficients, tangents, scratch, value, by_normal,
-                by_weight, by_light, by_lobe,
-            )  # fmt: skip
-            certainty[p, k] = lit[p, k] * certainty_of(values[p, k], value, usual[p])
-
-
-@kernel
-def certainty_of(seen: Array, foreseen: Array, usual: float) -> float:
-    """Return how much a value (3,) counts that a model foresees, beside a pixel's usual one."""
     size = max((seen[0] + seen[1] + seen[2]) / 3.0, usual)
     miss = (abs(seen[0] - foreseen[0]) + abs(seen[1] - foreseen[1]) + abs(seen[2] - foreseen[2])) / (3.0 * size)
-    return float(1.0 / (3.0 * size**2 * (WIDTH**2 + miss**2)))
+    return 1.0 / (3.0 * size**2 * (WIDTH**2 + miss**2)), math.log(1.0 + (miss / WIDTH) ** 2)
 
 
 @kernel
-def _add_cues(cues: Array, targets: Array, trust: Array, normal: Array, tangents: Array, a: Array, b: Array) -> float:
-    """Add the equations cue . n = target of one pixel to its system; return their cost."""
-    cost = 0.0
+def _add_cues(cues: Array, targets: Array, trust: Array, normal: Array, tangents: Array, a: Array, b: Array) -> None:
+    """Add the equations cue . n = target of one pixel to its system."""
     for m in range(trust.size):
         if trust[m] <= 0.0:
             continue
@@ -172,18 +171,31 @@ def _add_cues(cues: Array, targets: Array, trust: Array, normal: Array, tangents
             miss -= cues[m, i] * normal[i]
             first += cues[m, i] * tangents[0, i]
             second += cues[m, i] * tangents[1, i]
-        cost += trust[m] * miss * miss
         b[0] += trust[m] * first * miss
         b[1] += trust[m] * second * miss
         a[0, 0] += trust[m] * first * first
         a[1, 0] += trust[m] * first * second
         a[1, 1] += trust[m] * second * second
-    return cost
 
 
 @kernel
-def factorise(a: Array, weights: Array, b: Array, damping: float) -> None:
-    """Turn a pixel's system into its damped Cholesky factor (lower); weights that want below 0 are held."""
+def add_value(
+    space: tuple[Array, ...], colour: int, sure: float, miss: float, slope: Array, a: Array, b: Array
+) -> None:
+    """Add one colour of one value to a pixel's system, the lower half of a and b; leave its slopes (2 + K,)."""
+    by_normal, by_weight = space[3], space[4]
+    slope[0], slope[1] = by_normal[0, colour], by_normal[1, colour]
+    for n in range(by_weight.shape[0]):
+        slope[2 + n] = by_weight[n, colour]
+    for i in range(slope.size):
+        b[i] += sure * slope[i] * miss
+        for j in range(i + 1):
+            a[i, j] += sure * slope[i] * slope[j]
+
+
+@kernel
+def cholesky(a: Array, weights: Array, b: Array, damping: float) -> None:
+    """Turn the lower half of a pixel's system into its damped Cholesky factor; weights that want below 0 are held."""
     size = b.size
     for k in range(weights.size):
         if weights[k] <= 0.0 and b[2 + k] <= 0.0:
@@ -200,11 +212,20 @@ def factorise(a: Array, weights: Array, b: Array, damping: float) -> None:
             a[i, j] = math.sqrt(max(total, RIDGE**2)) if i == j else total / a[j, j]
 
 
+@kernel
+def solve_lower(factor: Array, b: Array) -> None:
+    """Solve factor x = b for a lower triangle, in place."""
+    for i in range(b.size):
+        for j in range(i):
+            b[i] -= factor[i, j] * b[j]
+        b[i] /= factor[i, i]
+
+
 @parallel_kernel
 def eliminate(
     values: Array, certainty: Array, views: Array, cues: Array, targets: Array, trust: Array, normals: Array,
     weights: Array, lights: Array, coefficients: Array, damping: float,
-    factors: Array, reduced: Array, right: Array, shared: Array, gradient: Array, costs: Array,
+    factors: Array, reduced: Array, right: Array, shared: Array, gradient: Array,
 ) -> None:  # fmt: skip
     """Fill in the equations of all pixels with their own unknowns eliminated.
 
@@ -217,47 +238,35 @@ def eliminate(
     damping : float
         Of Levenberg and Marquardt.
     factors : (P, 2 + K, 2 + K)
-        Cholesky factor A of each pixel's damped system.
+        Cholesky factor A (lower) of each pixel's damped system.
     reduced, right : (P, 2 + K, G), (P, 2 + K)
         A^-1 times the coupling to the G = 3 L + 3 K J shared unknowns, and times the pixel's gradient.
     shared, gradient : (T, G, G), (T, G)
-        Zeros on entry; sums over T parts of the pixels: the shared unknowns' own system.
-    costs : (P,)
+        Zeros on entry; sums over T parts of the pixels: the shared unknowns' own system. Of its couplings between
+        lights and coefficients only the lights' rows are filled in.
     """
     pixels, count = certainty.shape
     bases, functions = coefficients.shape[:2]
     own, total, parts = 2 + bases, shared.shape[1], shared.shape[0]
     for part in prange(parts):
-        tangents, scratch, value = np.empty((2, 3)), np.empty((4, functions)), np.empty(3)
-        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
-        by_weight, by_lobe = np.empty((bases, 3)), np.empty(functions)
+        space = workspace(bases, functions)
+        tangents, value, by_light, by_lobe = space[0], space[2], space[5], space[6]
         coupling, slope = np.empty((own, total)), np.empty(own)
         for p in range(part * pixels // parts, (part + 1) * pixels // parts):
             a, b = factors[p], right[p]
             a[:], b[:], coupling[:] = 0.0, 0.0, 0.0
             frame(normals[p], tangents)
-            costs[p] = _add_cues(cues[p], targets[p], trust[p], normals[p], tangents, a, b)
+            _add_cues(cues[p], targets[p], trust[p], normals[p], tangents, a, b)
             for k in range(count):
                 sure = certainty[p, k]
                 if sure <= 0.0:
                     continue
-                value[:] = 0.0
-                lit = respond(
-                    normals[p], views[p], lights[k], weights[p], coefficients, tangents, scratch, value, by_normal,
-                    by_weight, by_light, by_lobe,
-                )  # fmt: skip
+                if not respond(normals[p], views[p], lights[k], weights[p], coefficients, space):
+                    continue
                 for c in range(3):
                     miss = values[p, k, c] - value[c]
-                    costs[p] += sure * miss * miss
-                    if not lit:
-                        continue
-                    slope[0], slope[1] = by_normal[0, c], by_normal[1, c]
-                    for n in range(bases):
-                        slope[2 + n] = by_weight[n, c]
+                    add_value(space, c, sure, miss, slope, a, b)
                     for i in range(own):
-                        b[i] += sure * slope[i] * miss
-                        for j in range(i + 1):
-                            a[i, j] += sure * slope[i] * slope[j]
                         for j in range(3):
                             coupling[i, 3 * k + j] += sure * slope[i] * by_light[j, c]
                         for n in range(bases):
@@ -283,17 +292,12 @@ def eliminate(
                                     for i in range(functions):
                                         other = 3 * count + (m * functions + i) * 3 + c
                                         shared[part, place, other] += share * weights[p, m] * by_lobe[i]
-            for i in range(own):
-                for j in range(i):
-                    a[j, i] = a[i, j]
             for n in range(bases):
                 if weights[p, n] <= 0.0 and b[2 + n] <= 0.0:
                     coupling[2 + n] = 0.0
-            factorise(a, weights[p], b, damping)
+            cholesky(a, weights[p], b, damping)
+            solve_lower(a, b)
             for i in range(own):
-                for j in range(i):
-                    b[i] -= a[i, j] * b[j]
-                b[i] /= a[i, i]
                 for g in range(total):
                     rest = coupling[i, g]
                     for j in range(i):
@@ -306,25 +310,18 @@ def foreseen_costs(
     values: Array, certainty: Array, views: Array, cues: Array, targets: Array, trust: Array, normals: Array,
     weights: Array, lights: Array, coefficients: Array, costs: Array,
 ) -> None:  # fmt: skip
-    """Fill in the cost of every pixel (P,) as :func:`eliminate` has it."""
+    """Fill in the weighted squared misfit of every pixel (P,), whose equations :func:`eliminate` has."""
     pixels, count = certainty.shape
     for p in prange(pixels):
-        tangents, scratch, value = np.zeros((2, 3)), np.empty((4, coefficients.shape[1])), np.empty(3)
-        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
-        by_weight, by_lobe = np.empty((weights.shape[1], 3)), np.empty(coefficients.shape[1])
-        costs[p] = _add_cues(
-            cues[p], targets[p], trust[p], normals[p], tangents, np.empty((2, 2)), np.empty(2)
-        )  # fmt: skip
+        space = workspace(weights.shape[1], coefficients.shape[1])
+        costs[p] = 0.0
+        for m in range(trust.shape[1]):
+            costs[p] += trust[p, m] * (targets[p, m] - (cues[p, m] * normals[p]).sum()) ** 2
         for k in range(count):
-            if certainty[p, k] <= 0.0:
-                continue
-            value[:] = 0.0
-            respond(
-                normals[p], views[p], lights[k], weights[p], coefficients, tangents, scratch, value, by_normal,
-                by_weight, by_light, by_lobe,
-            )  # fmt: skip
-            for c in range(3):
-                costs[p] += certainty[p, k] * (values[p, k, c] - value[c]) ** 2
+            if certainty[p, k] > 0.0:
+                respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
+                for c in range(3):
+                    costs[p] += certainty[p, k] * (values[p, k, c] - space[2][c]) ** 2
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import integrability
-from .equations import WIDTH, certainties, eliminate, foreseen_costs, turn_normals
+from .equations import certainties, eliminate, foreseen_costs, turn_normals
 from .outline import Outline
 from .start import mean_strength_one
 
@@ -66,7 +66,7 @@ class Joint:
         pixels, count = self.lit.shape
         bases, functions, colours = self.coefficients.shape
         self.damping = DAMPING[0]
-        self.certainty = np.empty((pixels, count))
+        self.certainty, self.misfit = np.empty((2, pixels, count))
         self.cues = np.stack([self.outline.along, self.views], axis=1)
         self.targets = np.stack([np.zeros(pixels), (self.outline.dome * self.views).sum(axis=1)], axis=1)
         self.trust = np.zeros((pixels, 2))
@@ -85,7 +85,7 @@ class Joint:
         self.weights = self.weights * (level / np.linalg.norm(self.lights[0]))
         certainties(
             self.values, self.usual, self.lit, self.views, self.normals, self.weights, self.lights, self.coefficients,
-            self.certainty,
+            self.certainty, self.misfit,
         )  # fmt: skip
         self.trust[:] = 0.0
         self.surface = (self.surface[0][:0], self.surface[1][:0])
@@ -110,21 +110,11 @@ class Joint:
         return float(self._pixel_costs().sum() + self._strengths()[0] + (off**2).sum())
 
     def objective(self) -> float:
-        """Return the robust cost that weighted costs stand for, comparable between starts."""
-        certainty = np.empty_like(self.certainty)
-        certainties(
-            self.values, self.usual, self.lit, self.views, self.normals, self.weights, self.lights, self.coefficients,
-            certainty,
-        )  # fmt: skip
-        used = self.lit > 0
-        size = np.maximum(self.values.mean(axis=2), self.usual[:, None])
-        misfit = -(
-            self.lit * np.log(np.where(used, certainty * 3 * size**2 * WIDTH**2 / np.where(used, self.lit, 1), 1))
-        )
+        """Return the robust cost that weighted costs stand for, comparable between starts; just after :meth:`weigh`."""
         off = (self.targets - np.einsum("pmi,pi->pm", self.cues, self.normals)) / [RIM_ALONG, RIM_ACROSS]
         rim = (off**2 / (1.0 + (off / RIM_OUTLYING) ** 2))[self.outline.rim]
         beside = self.surface[1] - self.surface[0] @ self.lights.ravel()
-        return float(misfit.sum() + self.belief * rim.sum() + self._strengths()[0] + (beside**2).sum())
+        return float(self.misfit.sum() + self.belief * rim.sum() + self._strengths()[0] + (beside**2).sum())
 
     def step(self) -> bool:
         """Go a step down, or become calmer; return whether it went."""
@@ -133,7 +123,7 @@ class Joint:
         shared = self._solved(system, right)
         lights = 3 * len(self.lights)
         own = pixels_right - np.einsum("pig,g->pi", reduced, shared)
-        own = np.linalg.solve(np.swapaxes(np.tril(factors), 1, 2), own[..., None])[..., 0]
+        own = np.linalg.solve(np.tril(factors).swapaxes(1, 2), own[..., None])[..., 0]
         self.normals = self.normals.copy()
         turn_normals(own, self.views, self.normals)
         self.weights = np.maximum(self.weights + own[:, 2:], 0.0)
@@ -160,11 +150,11 @@ class Joint:
     def _eliminated(self) -> tuple[Array, Array, Array, Array, Array]:
         pixels, own, total = len(self.normals), 2 + self.weights.shape[1], self.shared
         factors, reduced = np.empty((pixels, own, own)), np.empty((pixels, own, total))
-        right, costs = np.empty((pixels, own)), np.empty(pixels)
+        right = np.empty((pixels, own))
         system, gradient = np.zeros((PARTS, total, total)), np.zeros((PARTS, total))
         eliminate(
             self.values, self.certainty, self.views, self.cues, self.targets, self.trust, self.normals, self.weights,
-            self.lights, self.coefficients, self.damping, factors, reduced, right, system, gradient, costs,
+            self.lights, self.coefficients, self.damping, factors, reduced, right, system, gradient,
         )  # fmt: skip
         matrix, vector = system.sum(axis=0), gradient.sum(axis=0)
         lights = 3 * len(self.lights)

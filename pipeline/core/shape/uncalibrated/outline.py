@@ -41,10 +41,6 @@ class Outline:
     along: NDArray[np.float64]
     rim: NDArray[np.bool_]
 
-    def select(self, pixels: NDArray[np.bool_]) -> Outline:
-        """Return the outline of some of the pixels."""
-        return Outline(self.dome[pixels], self.along[pixels], self.rim[pixels])
-
 
 def outline(mask: NDArray[np.bool_], views: NDArray[np.float64]) -> Outline:
     """Return what a mask (H, W) of P pixels tells that see along the unit directions -views, (P, 3)."""

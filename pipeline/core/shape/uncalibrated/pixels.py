@@ -9,7 +9,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from ...compiled import kernel, parallel_kernel
-from .equations import RIDGE, WIDTH, certainty_of, factorise, frame, respond, turn
+from .equations import RIDGE, add_value, certainty_of, cholesky, frame, respond, solve_lower, turn, workspace
 
 Array = NDArray[np.float64]
 
@@ -36,12 +36,11 @@ def refine_pixels(
         Smaller eigenvalue of the normal's information, its weights eliminated, in units of 1 / (relative misfit)^2.
     """
     pixels, count = lit.shape
-    bases, functions = coefficients.shape[:2]
+    bases = coefficients.shape[0]
     own = 2 + bases
     for p in prange(pixels):
-        tangents, scratch, value = np.empty((2, 3)), np.empty((4, functions)), np.empty(3)
-        by_normal, by_light = np.empty((2, 3)), np.empty((3, 3))
-        by_weight, by_lobe = np.empty((bases, 3)), np.empty(functions)
+        space = workspace(bases, coefficients.shape[1])
+        tangents, value = space[0], space[2]
         a, b, slope = np.empty((own, own)), np.empty(own), np.empty(own)
         kept_a, kept_b, kept_tangents = np.zeros((own, own)), np.zeros(own), np.zeros((2, 3))
         normal, weight = normals[p].copy(), weights[p].copy()
@@ -53,29 +52,13 @@ def refine_pixels(
             for k in range(count):
                 if lit[p, k] <= 0.0:
                     continue
-                value[:] = 0.0
-                above = respond(
-                    normal, views[p], lights[k], weight, coefficients, tangents, scratch, value, by_normal,
-                    by_weight, by_light, by_lobe,
-                )  # fmt: skip
-                sure = lit[p, k] * certainty_of(values[p, k], value, usual[p])
-                size = max((values[p, k, 0] + values[p, k, 1] + values[p, k, 2]) / 3.0, usual[p])
-                robust -= lit[p, k] * math.log(sure / lit[p, k] * 3.0 * size**2 * WIDTH**2)
+                above = respond(normal, views[p], lights[k], weight, coefficients, space)
+                sure, cost = certainty_of(values[p, k], value, usual[p])
+                robust += lit[p, k] * cost
                 seen += lit[p, k]
-                if not above:
-                    continue
-                for c in range(3):
-                    miss = values[p, k, c] - value[c]
-                    slope[0], slope[1] = by_normal[0, c], by_normal[1, c]
-                    for n in range(bases):
-                        slope[2 + n] = by_weight[n, c]
-                    for i in range(own):
-                        b[i] += sure * slope[i] * miss
-                        for j in range(i + 1):
-                            a[i, j] += sure * slope[i] * slope[j]
-            for i in range(own):
-                for j in range(i):
-                    a[j, i] = a[i, j]
+                if above:
+                    for c in range(3):
+                        add_value(space, c, lit[p, k] * sure, values[p, k, c] - value[c], slope, a, b)
             if not robust < least:  # back to where it was, with a shorter step next time
                 damping *= 10.0
                 if step == STEPS or damping > 1e3:
@@ -84,16 +67,13 @@ def refine_pixels(
                 least, damping = robust, damping / 4.0
                 normals[p], weights[p] = normal, weight
                 misfits[p] = robust / max(seen, 1.0)
-                stiffness[p] = _stiffness(a.copy(), weight, b.copy())
+                stiffness[p] = _stiffness(a.copy(), weight)
                 kept_a[:], kept_b[:], kept_tangents[:] = a, b, tangents
             if step == STEPS:
                 break
             a[:], b[:], tangents[:] = kept_a, kept_b, kept_tangents
-            factorise(a, weights[p], b, damping)
-            for i in range(own):
-                for j in range(i):
-                    b[i] -= a[i, j] * b[j]
-                b[i] /= a[i, i]
+            cholesky(a, weights[p], b, damping)
+            solve_lower(a, b)
             for i in range(own - 1, -1, -1):
                 for j in range(i + 1, own):
                     b[i] -= a[j, i] * b[j]
@@ -106,9 +86,12 @@ def refine_pixels(
 
 
 @kernel
-def _stiffness(a: Array, weights: Array, b: Array) -> float:
-    """Return the smaller eigenvalue of the normal's 2 x 2 information after eliminating the weights."""
-    size = b.size
+def _stiffness(a: Array, weights: Array) -> float:
+    """Return the smaller eigenvalue of the normal's 2 x 2 information after eliminating the weights; a is spoilt."""
+    size = 2 + weights.size
+    for i in range(size):
+        for j in range(i):
+            a[j, i] = a[i, j]
     for k in range(weights.size):
         if weights[k] <= 0.0:
             a[2 + k, :] = 0.0

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ...camera import Camera
 from ...capture import Capture
 from ...errors import LightsphereError
 from ...lights import Lights
@@ -24,7 +25,7 @@ from ..photometric.bases import gather
 from ..photometric.recover import USUAL_DEVIATION, surface
 from ..photometric.sight import Sight, see
 from ..photometric.start import half_way, seen_from
-from ..settings import ShapeSettings
+from ..settings import STRENGTHS, ShapeSettings
 from . import lobes
 from .joint import Joint
 from .outline import outline
@@ -41,7 +42,6 @@ BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.02  # share of gloss in the usual basis below which there is no highlight to speak of
 UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
-SCATTERS = {"similar": 0.2, "equal": 0.005, "unknown": 1.0}  # of the strengths' logarithm
 
 
 @dataclass(frozen=True)
@@ -76,15 +76,15 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
         raise LightsphereError(f"{capture.folder}: the object is black in nearly all photographs; look at them")
     colours = _light_colours(sight)
     everything = _pictures(capture, mask, sight, level * colours)
-    reduced = _reduced(capture, everything)
+    side, reduced = _reduced(capture, everything)
     solution = yield from solve(
-        reduced, outline(reduced.mask, reduced.views), settings.bases, SCATTERS[settings.strengths]
+        reduced, outline(reduced.mask, reduced.views), settings.bases, STRENGTHS[settings.strengths]
     )
     joint = solution.joint
-    normals, weights, misfit, deviation = yield from _all_pixels(everything, reduced, joint)
+    normals, weights, misfit, deviation = yield from _all_pixels(everything, reduced, side, joint)
     strength = np.linalg.norm(joint.lights, axis=1)
     direction = joint.lights / strength[:, None]
-    bright = float(np.quantile(everything.usual(everything.lit()), BRIGHT)) * level / BRIGHT_ALBEDO
+    bright = float(np.quantile(everything.usual, BRIGHT)) * level / BRIGHT_ALBEDO
     to_world = capture.camera.to_world[:3, :3]
     intensity = np.pi * bright * strength[:, None] * colours
     lights = Lights("distant", direction @ to_world.T, intensity, np.full(len(direction), 2))
@@ -131,31 +131,34 @@ def _light_colours(sight: Sight) -> Array:
 
 
 def _pictures(capture: Capture, mask: NDArray[np.bool_], sight: Sight, unit: Array) -> Pictures:
-    origins, directions = capture.camera.rays()
-    rotation = capture.camera.to_world[:3, :3]
-    rays = np.concatenate([(origins[mask] - capture.camera.to_world[:3, 3]) @ rotation, directions[mask] @ rotation], 1)
+    rays = _camera_rays(capture.camera, mask, 1)
     pinhole = capture.camera.model == "pinhole"
     return Pictures(mask, rays, sight.values / unit, sight.usable.astype(np.float64), pinhole)
 
 
-def _reduced(capture: Capture, full: Pictures) -> Pictures:
-    """Return the means of square blocks of pixels that lie within the mask, about :data:`PIXELS` of them."""
+def _camera_rays(camera: Camera, mask: NDArray[np.bool_], side: int) -> Array:
+    """Return origin and direction (P, 6), camera space, of the rays through the centres of a mask's blocks."""
+    height, width = mask.shape
+    row, column = np.mgrid[:height, :width]
+    origins, directions = camera.rays_at((np.stack([column, row], axis=-1)[mask] + 0.5) * side)
+    to_camera = camera.to_world[:3, :3]
+    return np.concatenate([(origins - camera.to_world[:3, 3]) @ to_camera, directions @ to_camera], axis=1)
+
+
+def _reduced(capture: Capture, full: Pictures) -> tuple[int, Pictures]:
+    """Return the means of square blocks of pixels within the mask, about :data:`PIXELS` of them, and their side."""
     side = max(round(float(np.sqrt(full.mask.sum() / PIXELS))), 1)
     mask = _blocks(full.mask, side).all(axis=(1, 3))
     if mask.sum() < FEW_PIXELS:
         side, mask = 1, full.mask
-    height, width = mask.shape
     values, usable = np.empty((int(mask.sum()), *full.values.shape[1:])), np.empty((int(mask.sum()), len(capture)))
     picture, used = np.zeros((*full.mask.shape, 3)), np.zeros(full.mask.shape)
     for light in range(len(capture)):
         picture[full.mask], used[full.mask] = full.values[:, light], full.usable[:, light]
         values[:, light] = _blocks(picture, side).mean(axis=(1, 3))[mask]
         usable[:, light] = _blocks(used, side).min(axis=(1, 3))[mask]
-    place = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1).astype(np.float64) * side
-    origins, directions = capture.camera.rays_at(place)
-    rotation = capture.camera.to_world[:3, :3]
-    rays = np.concatenate([(origins[mask] - capture.camera.to_world[:3, 3]) @ rotation, directions[mask] @ rotation], 1)
-    return Pictures(mask, rays, values, usable, full.pinhole)
+    rays = _camera_rays(capture.camera, mask, side)
+    return side, Pictures(mask, rays, values, usable, full.pinhole)
 
 
 def _blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
@@ -164,35 +167,33 @@ def _blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
     return picture[: height * side, : width * side].reshape(height, side, width, side, *picture.shape[2:])
 
 
-def _all_pixels(full: Pictures, reduced: Pictures, joint: Joint) -> Work[tuple[Array, Array, Array, Array]]:
+def _all_pixels(full: Pictures, reduced: Pictures, side: int, joint: Joint) -> Work[tuple[Array, Array, Array, Array]]:
     """Fit every pixel to lights and bases, from its block's normal and from its brightest lights' half-way vector."""
     place = np.argwhere(full.mask)
-    side = max(full.mask.shape[0] // reduced.mask.shape[0], 1)
     nearest = distance_transform_edt(~reduced.mask, return_distances=False, return_indices=True)
     number = np.zeros(reduced.mask.shape, np.int64)
     number[reduced.mask] = np.arange(int(reduced.mask.sum()))
     row, column = (np.minimum(place[:, i] // side, reduced.mask.shape[i] - 1) for i in range(2))
     own = number[nearest[0][row, column], nearest[1][row, column]]
-    lit = full.lit()
-    usual, views = full.usual(lit), full.views
     lights = np.ascontiguousarray(joint.lights)
     direction = lights / np.linalg.norm(lights, axis=1, keepdims=True)
     normals, weights = np.empty((len(place), 3)), np.empty((len(place), joint.weights.shape[1]))
     misfit, deviation = np.empty(len(place)), np.empty(len(place))
     for first in range(0, len(place), AT_ONCE):
         part = slice(first, min(first + AT_ONCE, len(place)))
-        values, seen, view = np.ascontiguousarray(full.values[part]), np.ascontiguousarray(lit[part]), views[part]
-        sight = Sight(values, seen, direction, False, np.zeros_like(view), view)  # type: ignore[arg-type]
-        scale = (usual[part] / joint.usual[own[part]])[:, None]
+        values, lit, usual, view = full.values[part], full.lit[part], full.usual[part], full.views[part]
+        single = (values.astype(np.float32), lit.astype(np.float32))
+        sight = Sight(*single, direction, False, np.zeros_like(view), view)
+        scale = (usual / joint.usual[own[part]])[:, None]
         found = []
         for start in (seen_from(joint.normals[own[part]], sight), half_way(sight)):
             state = (start.copy(), joint.weights[own[part]] * scale, np.empty(len(view)), np.empty(len(view)))
-            refine_pixels(values, usual[part], seen, view, lights, joint.coefficients, *state)
+            refine_pixels(values, usual, lit, view, lights, joint.coefficients, *state)
             found.append(state)
         better = found[1][2] < found[0][2]
         chosen = [np.where(better[:, None] if a.ndim == 2 else better, b, a) for a, b in zip(*found, strict=True)]
         normals[part], weights[part] = chosen[0], chosen[1]
-        used = np.maximum((seen > 0).sum(axis=1), 1)
+        used = np.maximum((lit > 0).sum(axis=1), 1)
         deviation[part] = np.sqrt(chosen[2] * used / np.maximum(used - 2, 1) / np.maximum(chosen[3], 1e-12))
         misfit[part] = chosen[2] / (1.0 + chosen[2])
         yield Progress("normals", part.stop, len(place), "pixels")
@@ -243,7 +244,7 @@ def _reflectance(
 ) -> Bivariate:  # fmt: skip
     """Return bases as tables, weight maps, and where values reached the tables."""
     table = lobes.tables(coefficients)
-    certainty = (full.lit() > 0).astype(np.float32)
+    certainty = (full.lit > 0).astype(np.float32)
     band = gather(sight, certainty, normals, weights[..., None], table.shape).band
     seen = band[:, 0].reshape(table.shape[:3])
     maps = np.full((*mask.shape, weights.shape[1], 1), np.nan, np.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,24 +54,26 @@ class Pictures:
     usable: Array
     pinhole: bool
 
-    @property
+    @cached_property
     def views(self) -> Array:
         """Unit directions to the camera (P, 3)."""
         return np.ascontiguousarray(-self.rays[:, 3:])
 
+    @cached_property
     def gray(self) -> Array:
         """Return the mean of the colours (P, L)."""
         return np.asarray(self.values.mean(axis=2))
 
+    @cached_property
     def lit(self) -> Array:
         """Return how far each value can be used (P, L): 0 in shadow."""
-        gray = self.gray()
-        bright = np.quantile(np.where(self.usable > 0, gray, 0.0), 0.9, axis=1, keepdims=True)
-        return np.where(gray > SHADOWED * bright, self.usable, 0.0)
+        bright = np.quantile(np.where(self.usable > 0, self.gray, 0.0), 0.9, axis=1, keepdims=True)
+        return np.where(self.gray > SHADOWED * bright, self.usable, 0.0)
 
-    def usual(self, lit: Array) -> Array:
+    @cached_property
+    def usual(self) -> Array:
         """Return each pixel's usual value (P,)."""
-        seen = np.where(lit > 0, self.gray(), np.nan)
+        seen = np.where(self.lit > 0, self.gray, np.nan)
         seen[np.isnan(seen).all(axis=1)] = 1.0
         return np.asarray(np.nanquantile(seen, USUAL, axis=1))
 
@@ -101,14 +104,13 @@ def solve(pictures: Pictures, outline: Outline, bases: int, scatter: float) -> W
     LightsphereError
         When the pictures leave nothing to start from.
     """
-    lit = pictures.lit()
-    starts = first_lights(pictures.gray(), lit > 0, outline.dome)
+    starts = first_lights(pictures.gray, pictures.lit > 0, outline.dome)
     if not starts:
         raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
     total = len(starts) * STEPS + len(CUES) * STEPS_WITHOUT
     ends = []
     for number, lights in enumerate(starts):
-        joint = yield from _begun(pictures, outline, lit, lights, bases, scatter)
+        joint = yield from _begun(pictures, outline, lights, bases, scatter)
         yield from _descend(joint, pictures, STEPS, number * STEPS, total)
         ends.append((joint.objective(), joint))
     ends.sort(key=lambda end: end[0])
@@ -134,7 +136,7 @@ def _descend(joint: Joint, pictures: Pictures, steps: int, before: int, total: i
     joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
 
 
-def _begun(pictures: Pictures, outline: Outline, lit: Array, lights: Array, bases: int, scatter: float) -> Work[Joint]:
+def _begun(pictures: Pictures, outline: Outline, lights: Array, bases: int, scatter: float) -> Work[Joint]:
     """Return the state with each pixel fitted by itself under the first lights, and bases of the pixels alike."""
     strength = np.linalg.norm(lights, axis=1, keepdims=True)
     values = (pictures.values / strength).astype(np.float32)
@@ -148,18 +150,22 @@ def _begun(pictures: Pictures, outline: Outline, lit: Array, lights: Array, base
     count = int(owner.max(initial=0)) + 1
     weights = np.repeat(MIXED * start.albedo[:, None], count, axis=1)
     weights[np.arange(len(owner)), owner] += start.albedo
-    usual = pictures.usual(lit)
-    coefficients = np.stack(
-        [_fitted(pictures, lit, usual, owner == k, start.normals, weights[:, k], lights) for k in range(count)]
-    )
+    coefficients = np.stack([_fitted(pictures, owner == k, start.normals, weights[:, k], lights) for k in range(count)])
     return Joint(
-        pictures.values, lit, usual, views, outline, start.normals.copy(), weights, lights, coefficients, scatter
+        pictures.values,
+        pictures.lit,
+        pictures.usual,
+        views,
+        outline,
+        start.normals.copy(),
+        weights,
+        lights,
+        coefficients,
+        scatter,
     )
 
 
-def _fitted(
-    pictures: Pictures, lit: Array, usual: Array, own: NDArray[np.bool_], normals: Array, weight: Array, lights: Array
-) -> Array:
+def _fitted(pictures: Pictures, own: NDArray[np.bool_], normals: Array, weight: Array, lights: Array) -> Array:
     """Return the coefficients (J, 3) >= 0 of one basis from the pixels that are its own."""
     normal, view = normals[own], pictures.views[own]
     facing = normal @ lights.T
@@ -168,8 +174,8 @@ def _fitted(
     half /= np.linalg.norm(half, axis=2, keepdims=True)
     cos_h = np.minimum(np.einsum("plk,pk->pl", half, normal), 1.0)
     cos_o = np.broadcast_to(np.maximum((normal * view).sum(axis=1), lobes.LEAST_FACING)[:, None], cos_h.shape)
-    seen = (lit[own] > 0) & (facing > 0)
-    trust = 1.0 / np.maximum(pictures.gray()[own], usual[own, None])[seen]
+    seen = (pictures.lit[own] > 0) & (facing > 0)
+    trust = 1.0 / np.maximum(pictures.gray[own], pictures.usual[own, None])[seen]
     functions = lobes.evaluated(cos_h[seen], np.maximum(normal @ direction.T, lobes.LEAST_FACING)[seen], cos_o[seen])
     functions *= (facing * weight[own, None])[seen][:, None] * trust[:, None]
     if not len(functions):
