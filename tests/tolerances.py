@@ -11,6 +11,8 @@ COLLINEAR = 2e-5
 # Cycles samples pixel centres but for float32's rounding of camera and position; half a step of its table of a box
 # filter, 5e-4, must not pass.
 POSITION_PIXELS = 2e-4
+# A GPU's compiler orders float32 operations its own way and takes short forms of roots and quotients.
+GPU_DIRECT = 1e-4
 # Half floats have 11 significant bits.
 HALF = 2**-11
 # A second user of a mesh moves the ray-triangle test into object space: rounding alone.

@@ -18,7 +18,7 @@ from ..core.material.principled import Principled
 from ..core.shape import Shape
 from ..core.shape.back import closed
 from ..core.shape.mesh import relief
-from . import cycles, exports, pixels
+from . import exports, pixels
 from . import scene as scenes
 from .ball import ball_camera, ball_scene, dress
 from .camera import add_camera
@@ -26,6 +26,7 @@ from .geometry import BACKDROP
 from .materials import Recovered, surface_material
 from .meshes import add_mesh, decimated
 from .normal_maps import normal_map
+from .output import caught_output
 from .principled import principled_material
 
 PLAIN = MaterialSettings()
@@ -156,7 +157,7 @@ def append(scene: bpy.types.Scene, path: Path) -> list[bpy.types.Object]:
         When the file cannot be read or shows no mesh.
     """
     try:
-        with cycles.caught_output(), bpy.data.libraries.load(str(path), link=False) as (there, here):
+        with caught_output(), bpy.data.libraries.load(str(path), link=False) as (there, here):
             here.objects = there.objects
     except OSError as error:
         raise LightsphereError(f"{path} cannot be opened ({error}); give the .blend of an asset") from error

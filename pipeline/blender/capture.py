@@ -20,7 +20,7 @@ from ..core.capture_settings import CaptureSettings, PlanSettings
 from ..core.errors import LightsphereError
 from ..core.journal import Journal
 from ..core.progress import Progress, Work
-from . import cycles, geometry, lamps, plan, rig, truth, workers
+from . import cycles, devices, geometry, lamps, plan, rig, truth, workers
 from .camera import camera_of
 
 JOURNAL = "finished.sha256"
@@ -45,7 +45,7 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
     Returns
     -------
     Capture
-        Complete. The files depend on scene, settings and Blender version alone: not on workers or interruptions.
+        Complete. The files depend on scene, settings, Blender version and device: not on workers or interruptions.
 
     Raises
     ------
@@ -92,6 +92,7 @@ def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: Captur
     if lights.kind == "near":
         geometry.check_outside(lights.position, triangles)
     notes: dict[str, Any] = {"scene": Path(source).name, "blender": bpy.app.version_string}
+    notes["device"] = devices.chosen().kind
     if Path(source).suffix == ".blend":
         notes["scene_sha256"] = images.checksum(Path(source))
     notes["settings"] = {k: v for k, v in dataclasses.asdict(settings).items() if k != "workers"}
@@ -132,7 +133,7 @@ def _begun(scene: bpy.types.Scene, started: Capture, settings: CaptureSettings) 
 
 def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Capture:
     """Return the capture found in the folder, its truth intact; raise LightsphereError when another one is wanted."""
-    for name in ("scene", "scene_sha256", "blender"):
+    for name in ("scene", "scene_sha256", "blender", "device"):
         if found.notes.get(name) != wanted.notes.get(name):
             raise LightsphereError(
                 f"{found.folder} holds a capture with {name} {found.notes.get(name)}, not {wanted.notes.get(name)}; "
@@ -178,9 +179,11 @@ def _render_all(
     """Render the pictures not done, here and in workers, noting each in ``done`` and the journal."""
     pending = deque(i for i, name in enumerate(started.files) if not done[name])
     total, processor_cores = len(started), _processor_cores()
-    processes = max(1, min(processes or processor_cores, len(pending)))
+    on_gpu = devices.chosen().kind != "CPU"  # which one process keeps busy
+    processes = max(1, min(processes or (1 if on_gpu else processor_cores), len(pending)))
     threads = max(1, processor_cores // processes)
     words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
+    words += ["--device", "gpu" if on_gpu else "cpu"]
 
     def note(light: int, checksum: str) -> Progress:
         name = started.files[light]

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
-import io
-import os
 import struct
-import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +13,9 @@ import bpy
 
 from ..core.camera import Camera
 from ..core.errors import LightsphereError
-from . import exr, interrupts
+from . import devices, exr, interrupts
 from .camera import pixel_aspect
+from .output import caught_output
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,6 @@ class Transport:
 
 
 DIRECT = Transport()
-LIBC = ctypes.CDLL(None if os.name == "posix" else "ucrtbase")
 
 RENDER: dict[str, Any] = {
     "engine": "CYCLES",
@@ -73,7 +68,6 @@ STAMPS = (
     *("render_time", "scene", "sequencer_strip", "time"),
 )
 CYCLES: dict[str, Any] = {
-    "device": "CPU",
     "pixel_filter_type": "BLACKMAN_HARRIS",
     "filter_width": 0.01,
     "light_sampling_threshold": 0.0,
@@ -135,7 +129,7 @@ def measuring(
     with contextlib.ExitStack() as stack:
         stack.enter_context(changed(scene, {"world": None}))
         stack.enter_context(changed(scene.render, render))
-        stack.enter_context(changed(scene.cycles, CYCLES | light))
+        stack.enter_context(changed(scene.cycles, CYCLES | devices.cycles_values() | light))
         stack.enter_context(changed(scene.camera.data.dof, {"use_dof": False}))
         for layer in scene.view_layers[1:]:
             stack.enter_context(changed(layer, {"use": False}))
@@ -228,31 +222,3 @@ def render(scene: bpy.types.Scene, path: Path) -> None:
             raise LightsphereError(
                 f"{path} cannot be written ({reason}); free space, then run again to continue"
             ) from error
-
-
-@contextlib.contextmanager
-def caught_output() -> Iterator[Any]:
-    """Keep Blender's own lines, which Python cannot catch, off standard output and error."""
-    _flush()
-    kept = [os.dup(stream) for stream in (1, 2)]
-    try:
-        # Blender's operators report errors through Python's own standard output.
-        with tempfile.TemporaryFile() as caught, contextlib.redirect_stdout(io.StringIO()):
-            for stream in (1, 2):
-                os.dup2(caught.fileno(), stream)
-            try:
-                yield caught
-            finally:
-                _flush()
-                for stream, copy in zip((1, 2), kept, strict=True):
-                    os.dup2(copy, stream)
-    finally:
-        for copy in kept:
-            os.close(copy)
-
-
-def _flush() -> None:
-    """Let nothing that Python or C still holds come out on the wrong side of a redirection."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    LIBC.fflush(None)

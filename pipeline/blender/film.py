@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import LightsphereError
-from . import cycles
+from .output import caught_output
 
 SMALLEST = 256  # pixels; smaller pictures are enlarged
 
@@ -44,7 +44,7 @@ def encode(folder: Path, prefix: str, count: int, path: Path, rate: int) -> None
     partial = path.with_name(f".{path.name}.part.mp4")
     render.use_file_extension, render.filepath = False, str(partial.resolve())
     try:
-        with cycles.caught_output():
+        with caught_output():
             bpy.ops.render.render(animation=True)
         partial.replace(path)
     except (RuntimeError, OSError) as error:

@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt
 
 from ..core import images
 from ..core.errors import LightsphereError
-from .cycles import caught_output
+from .output import caught_output
 
 
 def packed_image(name: str, values: NDArray[Any]) -> bpy.types.Image:

@@ -44,6 +44,7 @@ def relative_cost(mixture: Mixture) -> Work[list[float]]:
     with (
         tempfile.TemporaryDirectory() as folder,
         cycles.measuring(scene, camera, transport),
+        cycles.changed(scene.cycles, {"device": "CPU"}),  # whose seconds are counted
         cycles.changed(scene, {"world": asset.sky()}),
         cycles.openexr(scene),
     ):

@@ -18,7 +18,7 @@ from ..core.capture import Capture
 from ..core.errors import LightsphereError
 from ..core.shape import Shape
 from ..core.shape.scan import Scan, seen
-from .cycles import caught_output
+from .output import caught_output
 
 IMPORTERS: dict[str, Callable[..., Any]] = {
     ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),

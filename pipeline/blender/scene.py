@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import LightsphereError
-from .cycles import caught_output
+from .output import caught_output
 
 
 def library() -> dict[str, Any]:

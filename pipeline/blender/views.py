@@ -14,7 +14,7 @@ from ..core.camera import Camera
 from ..core.lights import Lights
 from ..core.progress import Progress, Work
 from ..core.shape import Shape
-from . import asset, cycles, exr, lamps
+from . import asset, cycles, devices, exr, lamps
 from .ball import dress
 from .camera import add_camera
 from .geometry import hide_object
@@ -25,7 +25,6 @@ STUDIO = {
     "max_bounces": 4,
     "use_denoising": False,
     "use_adaptive_sampling": False,
-    "device": "CPU",
 }
 
 
@@ -65,7 +64,7 @@ def picture(scene: bpy.types.Scene, camera: Camera, passes: int, samples: int) -
     with tempfile.TemporaryDirectory() as folder, cycles.changed(scene.render, size), cycles.openexr(scene):
         path = Path(folder) / "view.exr"
         for number in range(passes):
-            with cycles.changed(scene.cycles, STUDIO | {"samples": samples, "seed": number}):
+            with cycles.changed(scene.cycles, STUDIO | devices.cycles_values() | {"samples": samples, "seed": number}):
                 cycles.render(scene, path)
             total += exr.read_rgb(path)
             yield Progress("render", number + 1, passes, "passes")

@@ -10,6 +10,7 @@ import typer
 
 from ..core.capture_settings import CaptureSettings
 from ..core.errors import LightsphereError
+from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 Scene = Annotated[str, typer.Argument(help="a built-in scene (see lightsphere scenes) or a .blend file")]
@@ -20,6 +21,7 @@ def capture(
     scene: Scene,
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the capture")],
     settings: CaptureSettings,
+    device: Device = "auto",
     json: JsonFile = None,
 ) -> None:
     """Render one picture per light of a scene with Cycles; run it again to continue an interrupted one."""
@@ -27,6 +29,7 @@ def capture(
     from ..blender import scene as scenes
 
     with Figures("capture", json) as figures:
+        figures.values["device"] = render_on(device)
         made = run_with_bar(blender.capture(scenes.load(scene), scene, output, settings))
         figures.values["pictures"] = len(made)
         figures.values["effects"] = made.notes["effects"]
@@ -38,6 +41,7 @@ def capture_worker(
     scene: Scene,
     folder: Annotated[Path, typer.Argument(help="folder of the capture, begun by another process")],
     threads: Annotated[int, typer.Option(help="threads that render")] = 1,
+    device: Device = "cpu",
 ) -> None:
     """Render the pictures whose numbers arrive on standard input; answer each with its checksum."""
     from ..blender import capture as blender
@@ -46,6 +50,7 @@ def capture_worker(
     from ..core.capture import Capture
 
     lights = (int(line) for line in sys.stdin)
+    render_on(device)
     try:
         begun = Capture.open(folder)
         loaded = scenes.load(scene)

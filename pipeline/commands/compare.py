@@ -18,6 +18,7 @@ from ..core.compare.shapes import depth_error_pct, normal_error_deg, shape_error
 from ..core.errors import LightsphereError
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
+from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 PAGE = "comparison.html"
@@ -42,6 +43,7 @@ def compare(
         typer.Option(help="the .blend that was captured, where it does not lie in the capture's folder or beside it"),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an earlier comparison")] = False,
+    device: Device = "auto",
     json: JsonFile = None,
 ) -> None:
     """Compare an asset with its capture, a picture with another, or a recovered shape with the truth of its capture.
@@ -56,6 +58,7 @@ def compare(
             folder = output or first.with_name(f"{first.stem}-comparison")
             if (folder / PAGE).exists() and not overwrite:
                 raise LightsphereError(f"{folder / PAGE} exists; choose another folder, or replace it with --overwrite")
+            figures.values["device"] = render_on(device)
             figures.values.update(asset_with_capture(first, Capture.open(second), scene, settings, folder))
             found = figures.values["comparisons"]
             words = ", ".join(f"{name} {one['relight_rel_rmse']:.4g}" for name, one in found.items())

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..core.settings import setting
+from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 
@@ -32,6 +33,7 @@ class DemoSettings:
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the results")],
     settings: DemoSettings,
+    device: Device = "auto",
     json: JsonFile = None,
 ) -> None:
     """Capture a scene, recover shape and material, and write asset.blend, report.html, metrics.json and teaser.png.
@@ -41,6 +43,7 @@ def demo(
     from .demo_stages import Demo
 
     with Figures("demo", json) as figures:
+        figures.values["device"] = render_on(device)
         run = Demo(output, settings)
         run_with_bar(run.work(), one_bar=True)
         figures.values.update(run.metrics())

@@ -12,6 +12,7 @@ from ..core.compare.pictures import relative_rmse
 from ..core.errors import LightsphereError
 from ..core.inverse import InverseSettings
 from ..core.inverse.photograph import prepared
+from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 BLEND, PAGE = "recovered.blend", "report.html"
@@ -25,6 +26,7 @@ def inverse(
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the results")],
     settings: InverseSettings,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace earlier results")] = False,
+    device: Device = "cpu",
     json: JsonFile = None,
 ) -> None:
     """Recover what every group of surfaces reflects, with global illumination, from one picture of a known scene.
@@ -44,6 +46,7 @@ def inverse(
     if (output / BLEND).exists() and not overwrite:
         raise LightsphereError(f"{output / BLEND} exists; choose another folder, or replace it with --overwrite")
     with Figures("inverse", json) as figures:
+        figures.values["device"] = render_on(device)
         picture = read(photograph)
         loaded = scenes.load(scene)
         loaded.view_layers[0].update()

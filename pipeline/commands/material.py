@@ -19,6 +19,7 @@ from ..core.reflectance import Reflectance, ReflectanceSettings
 from ..core.reflectance.bivariate import Bivariate, open_reflectance
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
+from .device import Device, render_on
 from .reflectance import capture_of
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
@@ -40,6 +41,7 @@ def material(
     usd: Annotated[Path | None, typer.Option(help="export as USD with MaterialX", metavar="FILE")] = None,
     pbr: Annotated[Path | None, typer.Option(help="write plain PBR textures into a folder", metavar="DIR")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing file")] = False,
+    device: Device = "auto",
     json: JsonFile = None,
 ) -> None:
     """Write asset.blend: mesh with UVs, a node material of Cycles' own closures, camera, lights and sky.
@@ -58,6 +60,7 @@ def material(
         if path is not None and path.exists() and not overwrite:
             raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
+        figures.values["device"] = render_on(device)
         output.parent.mkdir(parents=True, exist_ok=True)
         wanted = settings.principled or any((gltf, usd, pbr))
         figures.values.update(run_with_bar(made(source, output, settings, wanted, pbr)))

@@ -10,17 +10,19 @@ from rich.table import Table
 
 from ..core.capture_settings import CaptureSettings, PlanSettings
 from .capture import Scene
+from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 
 @settings_options(PlanSettings)
-def plan(scene: Scene, settings: PlanSettings, json: JsonFile = None) -> None:
+def plan(scene: Scene, settings: PlanSettings, device: Device = "auto", json: JsonFile = None) -> None:
     """Measure what each effect adds to the pictures of a scene, what it costs, and which are worth simulating."""
     from ..blender import capture as blender
     from ..blender import plan as planning
     from ..blender import scene as scenes
 
     with Figures("plan", json) as figures:
+        figures.values["device"] = render_on(device)
         loaded = scenes.load(scene)
         described = blender.describe(loaded, scene, Path(), CaptureSettings())
         found = run_with_bar(planning.decide(loaded, described, "auto", CaptureSettings().samples, settings))

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..core.errors import LightsphereError
+from .device import Device, render_on
 from .stage import run_with_bar
 
 
@@ -18,6 +19,7 @@ def scenes(
         str | None, typer.Option(help="render this room as it is, to have a picture for inverse", metavar="ROOM")
     ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="the picture to write")] = Path("photograph.exr"),
+    device: Device = "auto",
 ) -> None:
     """List the built-in scenes with the effects that each contains; photograph a room."""
     from ..blender.scene import library
@@ -26,6 +28,7 @@ def scenes(
         if photograph not in library() or not library()[photograph].room:
             rooms = [name for name, entry in library().items() if entry.room]
             raise LightsphereError(f"{photograph!r} is no room; photograph one of {', '.join(rooms)}")
+        render_on(device)
         from ..blender.inverse.photograph import photographed
 
         run_with_bar(photographed(photograph, output))

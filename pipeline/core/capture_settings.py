@@ -25,7 +25,7 @@ class CaptureSettings:
     samples: int = setting(64, "samples a pixel where light bounces", low=1, high=1_000_000)
     seed: int = setting(0, "seed of the samples", low=0, high=2**31 - 1)
     pixel_type: str = setting("float", "numbers in the pictures", choices=("float", "half"))
-    workers: int = setting(0, "processes that render, 0: one per processor core", low=0, high=1024)
+    workers: int = setting(0, "processes that render, 0: one per processor core, or one on a GPU", low=0, high=1024)
 
 
 @dataclass(frozen=True)

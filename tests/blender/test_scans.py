@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline import cli
 from pipeline.blender import pixels, scans
 from pipeline.blender.camera import camera_of
-from pipeline.blender.cycles import caught_output
+from pipeline.blender.output import caught_output
 from pipeline.core.capture import Capture
 from pipeline.core.errors import LightsphereError
 from pipeline.core.reflectance import Reflectance
