@@ -66,14 +66,15 @@ def two_spheres(inner: int = 80, outer: int = 20) -> Lights:
 
 
 def draw(shape: Shape, lights: Lights, reflect: Reflect) -> Drawn:
-    """Draw a convex surface under each light: f cos(theta_i) I / d^2, black where it faces away."""
+    """Draw a convex surface under each light, black where it faces away: f cos I / d^2, or f cos E."""
     points, known = np.nan_to_num(shape.points()), np.isfinite(shape.depth)
     normal = shape.camera.normals_to_world(np.nan_to_num(shape.normal))
     to_viewer = -shape.camera.rays()[1]
     pictures = np.empty((len(lights), *known.shape, 3), np.float32)
     for i in range(len(lights)):
-        reach = lights.position[i] - points
-        picture = reflect(normal, oracles.unit(reach), to_viewer) / (reach**2).sum(-1)
+        far = lights.kind == "distant"
+        reach = np.broadcast_to(lights.position[i], points.shape) if far else lights.position[i] - points
+        picture = reflect(normal, oracles.unit(reach), to_viewer) / (1.0 if far else (reach**2).sum(-1))
         pictures[i] = np.where(known, picture, 0)[..., None] * lights.intensity[i]
     names = tuple(f"light_{i:04d}.exr" for i in range(len(lights)))
     notes = {"diameter": DIAMETER, "transport": {"bounces": 0}}

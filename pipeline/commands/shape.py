@@ -89,6 +89,7 @@ def shape(
         words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
         words = words or f"depth of {int((found.confidence > 0).sum())} pixels in {output}"
         words += "".join(f", {name} {count}" for name, count in left_out.items() if count)
+        words += ", a matte surface explains all but noise" if found.notes.get("matte") else ""
         figures.summary = words + (
             f", silhouette_overlap_pct {found.notes['silhouette_overlap_pct']:.3g}" if mesh else ""
         )

@@ -217,7 +217,9 @@ class Alternation:
         return s.lights, s.near, s.points, s.views, s.values
 
 
-def decompose(sight: Sight, options: Options, normals: NDArray[np.float64] | None = None) -> Work[Decomposition]:
+def decompose(
+    sight: Sight, options: Options, normals: NDArray[np.float64] | None = None, held: bool = False
+) -> Work[Decomposition]:
     """Find normals, weights and tables of the pixels.
 
     Where one basis explains the usual pixel nearly as well as several, one is taken: what several could absorb by
@@ -231,6 +233,8 @@ def decompose(sight: Sight, options: Options, normals: NDArray[np.float64] | Non
     normals : (P, 3) float64, optional
         Known normals. They are left where they are but for pixels that the tables in the end explain clearly better
         with another one.
+    held : bool
+        Whether known normals stay in any case.
 
     Yields
     ------
@@ -245,6 +249,8 @@ def decompose(sight: Sight, options: Options, normals: NDArray[np.float64] | Non
             descent = yield from alternate(single, options, normals is None, "one basis")
             if usual(single) < usual(state) + AS_WELL:
                 state, objective = single, descent
+    if held:
+        return _finished(state, state.deviation(), np.zeros(len(state.normals), bool), objective)
     if normals is not None:
         return _corrected(state, start, objective)
     return _between(state, start, objective)

@@ -16,7 +16,7 @@ from .. import Shape
 from ..double_sphere import recover as by_double_sphere
 from ..integration import integrate
 from ..settings import ShapeSettings
-from . import lambertian
+from . import lambertian, matte
 from .acls import Decomposition, Options, decompose
 from .held_out import held_out_error, split
 from .sight import Sight, see
@@ -39,7 +39,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     """Recover normals, surface and reflectance of a capture with known lights.
 
     Distant lights give normals, from which the surface is integrated. On a double-sphere capture depth comes first,
-    by double covering; the normals found on it with every pixel's own lights then repair the depth.
+    by double covering; the normals found on it with every pixel's own lights then repair the depth. Where a matte
+    surface explains all but noise (:mod:`.matte`), its normals stay, and ``notes["matte"]`` says so.
 
     Parameters
     ----------
@@ -71,13 +72,22 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     used, unseen = split(sight, settings.held_out)
     by_symmetry = settings.start == "symmetry"
     options = Options(settings.bases, settings.colour, rounds=settings.rounds, by_symmetry=by_symmetry)
-    known = None if before is None else seen_from(before.normal[mask].astype(np.float64), used, 0.0)
-    found = yield from decompose(used, options, known)
+    known, sure = None, None
+    if before is not None:
+        known = seen_from(before.normal[mask].astype(np.float64), used, 0.0)
+    elif not by_symmetry:
+        b = lambertian.robust(used)
+        sure = matte.deviation(used, b, mask)
+        known = None if sure is None else seen_from(b, used, 0.0)
+    found = yield from decompose(used, options, known, held=sure is not None)
+    if sure is not None:
+        found = dataclasses.replace(found, deviation=sure)
     reflectance = as_reflectance(mask, found)
     if unseen is not None:
         error = held_out_error(unseen, found)
         reflectance = dataclasses.replace(reflectance, notes={**reflectance.notes, "held_out": error})
-    return Recovered(_shape(capture, mask, found, before), reflectance)
+    shape = _shape(capture, mask, found, before)
+    return Recovered(dataclasses.replace(shape, notes={**shape.notes, "matte": sure is not None}), reflectance)
 
 
 def check(capture: Capture) -> None:
