@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import LightsphereError
-from ...core.inverse import Model, grey
+from ...core.inverse import MOST, Model, grey
 from .. import cycles, exr
 from ..camera import camera_of
 from . import closures
 from .groups import Group
 
-FEW_BOUNCES, MOST_BOUNCES = 6, 32
+MOST_BOUNCES = 1024  # what matters ends before, by chance, as its light fades
+STEADY_BOUNCES = (6, 64)
+LEFT_OUT = 0.25  # share of the light that steady pictures may leave out: they give derivatives alone
 Array = NDArray[np.float64]
 Crop = tuple[int, int, int, int]  # rows from, to, columns from, to
 
@@ -49,6 +51,8 @@ class Room:
         self.renders, self.samples, self.seconds = 0, 0.0, 0.0
         self.original = [[item.material_slots[n].material for item, n in group.slots] for group in self.groups]
         self.layers = [_uv_layer(group) for group in self.groups]
+        self.areas = [_area(group) for group in self.groups]
+        self.steady_bounces = STEADY_BOUNCES[0]
         self.materials = []
         for number, group in enumerate(self.groups):
             self.materials.append(closures.group_material(group.name, self.layers[number]))
@@ -88,10 +92,10 @@ class Room:
         """Render, (H, W, 3) or the crop of it.
 
         In steady pictures no path ends by chance, so that those of one seed differ by what was changed alone; they
-        leave late bounces out. The others have all light.
+        leave late bounces out, see :meth:`count_bounces`. The others have all light.
         """
         start = time.perf_counter()
-        transport = cycles.Transport(FEW_BOUNCES if steady else MOST_BOUNCES, samples=samples)
+        transport = cycles.Transport(self.steady_bounces if steady else MOST_BOUNCES, samples=samples)
         with (
             self._measuring(transport, seed, steady, crop),
             cycles.openexr(self.scene),
@@ -132,6 +136,13 @@ class Room:
         uv = np.stack([_named(channels, f"UV.{axis}") for axis in "UV"], axis=-1)
         return index.round().astype(np.int64) - 1, uv.astype(np.float64)
 
+    def count_bounces(self) -> None:
+        """Let steady pictures follow light until the usual path has lost enough of it, as the groups are now."""
+        returns = [min(model.diffuse.mean() + model.specular.mean(), MOST) for model in self.models]
+        returned = np.average(returns, weights=self.areas)
+        needed = np.ceil(np.log(LEFT_OUT) / np.log(max(returned, 0.01)))
+        self.steady_bounces = int(np.clip(needed, *STEADY_BOUNCES))
+
     @contextlib.contextmanager
     def _measuring(self, transport: cycles.Transport, seed: int, steady: bool, crop: Crop | None) -> Iterator[None]:
         """Set Cycles up: the scene's own world and lights, every pixel the mean over its square."""
@@ -155,6 +166,16 @@ class Room:
             cycles.changed(self.scene.render, border),
         ):
             yield
+
+
+def _area(group: Group) -> float:
+    """Return the area of a group's surfaces, about [m^2]; what is no mesh counts little."""
+    total = 1e-9
+    for item, slot in group.slots:
+        if item.type == "MESH":
+            scale = abs(item.matrix_world.determinant()) ** (2 / 3)
+            total += scale * sum(part.area for part in item.data.polygons if part.material_index == slot)
+    return total
 
 
 def _uv_layer(group: Group) -> str:

@@ -19,7 +19,9 @@ from .levels import ENOUGH, examined
 from .room import Room
 
 Array = NDArray[np.float64]
-RATIO_ROUNDS = 4
+RATIO_ROUNDS, MOST_RATIO_ROUNDS = 4, 8  # more where light bounces long
+LARGE, TELLING = 0.3, 0.05  # logarithms of moves of reflectances, by which a gain of all, and of one is measured
+OVERSHOOT, MOST_GAIN = 2.0, 50.0
 ROUNDS = 6  # of looking for levels
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
@@ -113,18 +115,44 @@ class Search:
         return Found(self.room.models, self.deviations, self.seen, pixels, self.tried, self.history)
 
     def _diffuse(self) -> Work[None]:
-        """Let every group be diffuse; correct each by the ratio of photograph and render (Boivin 2001, equation 4)."""
-        for _ in range(RATIO_ROUNDS):
+        """Let every group be diffuse; correct each by the ratio of photograph and render (Boivin 2001, equation 4).
+
+        Where light bounces long, the picture grows faster than the reflectance and the ratio overshoots. Once a large
+        correction of all groups together was seen to do so, each is divided by the gain that its last one had, measured
+        in logarithms.
+        """
+        seen = [number for number, mask in enumerate(self.masks) if mask.any()]
+        pixels = np.array([self.masks[number].sum() for number in seen]).reshape(-1, 1)
+        before, moves, gains = (np.zeros((len(seen), 3)) for _ in range(3))
+        gains += 1
+        overshoots = False
+        for turn in range(MOST_RATIO_ROUNDS):
             shown = self._render(4)
-            for number, mask in enumerate(self.masks):
-                if mask.any():
-                    part, w = shown[mask], self.weight[mask]
-                    ratio = (w * part * self.photograph[mask]).sum(axis=0) / np.maximum(
-                        (w * part**2).sum(axis=0), 1e-30
-                    )
-                    self.room.show(number, moved(self.room.models[number], "diffuse", np.log(np.maximum(ratio, 1e-3))))
+            missing = np.log([self._ratio(shown, number) for number in seen]).reshape(-1, 3)
+            power = float((pixels * moves**2).sum())
+            gain = float((pixels * moves * (before - missing)).sum()) / max(power, 1e-30)
+            overshoots |= power > LARGE**2 * moves.shape[1] * pixels.sum() and gain > OVERSHOOT
+            if overshoots:
+                told = np.abs(moves) > TELLING
+                own = np.clip((before - missing) / np.where(told, moves, 1.0), 1.0, MOST_GAIN)
+                gains = np.where(told, own, gains)
+            for place, number in enumerate(seen):
+                old = self.room.models[number]
+                self.room.show(number, moved(old, "diffuse", missing[place] / gains[place]))
+                moves[place] = np.log(self.room.models[number].diffuse / old.diffuse)
+            before = missing
             yield self._step("diffuse")
+            if turn + 1 >= RATIO_ROUNDS and not overshoots:
+                break
+        self.room.count_bounces()
         self._note("diffuse", self._residuals(8))
+
+    def _ratio(self, shown: Array, number: int) -> Array:
+        """Return what a group's pixels in a render are to be multiplied by to be the photograph's, (3,)."""
+        mask = self.masks[number]
+        part, w = shown[mask], self.weight[mask]
+        ratio = (w * part * self.photograph[mask]).sum(axis=0) / np.maximum((w * part**2).sum(axis=0), 1e-30)
+        return np.asarray(np.maximum(ratio, 1e-3))
 
     def _levels(self) -> Work[bool]:
         """Look for a level for every group whose picture is not explained; return whether one changed.
@@ -240,6 +268,7 @@ class Search:
         A group's own pixels are rendered with as many samples as they need. What its diffuse reflectance changes
         elsewhere is seen in the whole picture; what its lobe changes elsewhere is left out, which slows the search.
         """
+        self.room.count_bounces()
         seeds = [self._next_seed() for _ in range(2)]
         each = self._samples(DERIVATIVE_SAMPLES)
         whole = [self.room.render(each, seed, True) for seed in seeds]
