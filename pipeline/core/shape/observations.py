@@ -19,6 +19,7 @@ FEW_DISTINCT = 0.02  # share of distinct values below which pictures are quantis
 DARK_DEVIATIONS = 3.0  # values below this many deviations of the noise floor count as unlit
 NOISE_SAMPLE = 3_000_000  # single colours looked at to estimate the noise floor
 UNFORESEEN = 0.02  # of the 90th percentile: how far bounced light strays from its model
+PLAUSIBLE = 0.5  # of the median: noise is densest at 0, its tenth percentile .19; marks of broken values are all alike
 BRIGHT_SHARE = 0.05  # in direct light more values than this are attached or cast shadow
 COARSE = 4.0  # steps that the median lit value has at most where quantisation hides what is lit
 PREVIEW = 32  # pictures from which that is judged
@@ -177,7 +178,9 @@ def noise_floor(sample: NDArray[np.float32]) -> float:
     zeros = int((sample == 0).sum())
     negative = -sample[sample < 0]
     if negative.size > 0.02 * sample.size:
-        return 1.4826 * float(np.median(negative))
+        usual_negative = float(np.median(negative))
+        if float(np.quantile(negative, 0.1)) < PLAUSIBLE * usual_negative:
+            return 1.4826 * usual_negative
     # As many values as were cut off lie above 0; in pictures without noise so few small ones spread out widely.
     spread = 1.4826 * float(np.median(positive[: max(1, min(zeros, positive.size))]))
     return spread if zeros > 0.05 * sample.size and spread < 0.02 * usual else 0.0
