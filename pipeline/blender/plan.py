@@ -16,6 +16,7 @@ from ..core.capture import Capture
 from ..core.capture_settings import PlanSettings
 from ..core.lights import Lights
 from ..core.progress import Progress, Work
+from ..core.tradeoff import evenly
 from . import cycles, exr, lamps, truth
 from .camera import camera_of
 
@@ -98,7 +99,7 @@ class Probe:
         self._scene = scene
         self._lights = lights
         self._settings = settings
-        self._index = np.unique(np.linspace(0, len(lights) - 1, settings.probes + 2).round().astype(int)[1:-1])
+        self._index = evenly(len(lights), settings.probes)
         self._done = 0
         self._mask = truth.object_mask(scene, camera_of(scene, settings.probe_resolution))
 

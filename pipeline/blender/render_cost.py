@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -28,16 +29,28 @@ def relative_cost(mixture: Mixture) -> Work[list[float]]:
     Returns
     -------
     list of float
-        Processor seconds over those of one Principled BSDF that reads the same weight map, for 0, 1, .. lobes: light
-        bounces between sphere and sky. The least of a few turns, in which all materials are rendered one by one.
+        Processor seconds over those of one Principled BSDF that reads the same weight map, for 0, 1, .. lobes.
+    """
+    parts = [Mixture(mixture.lobes[:n], mixture.curves[:, :n]) for n in range(1, len(mixture.lobes) + 1)]
+    *seconds, principled = yield from render_seconds(parts)
+    return [s / principled for s in seconds]
+
+
+def render_seconds(mixtures: Sequence[Mixture]) -> Work[list[float]]:
+    """Render a sphere with mixtures of the same number of bases, then with one Principled BSDF; replaces what is open.
+
+    Returns
+    -------
+    list of float
+        Processor seconds of each, the Principled BSDF last, which reads the same weight map: light bounces between
+        sphere and sky. The least of a few turns, in which all materials are rendered one by one.
     """
     scene, item = ball_scene()
     camera = ball_camera(SIDE)
     add_camera(scene, camera)
     random = np.random.default_rng(0)
-    weights = random.uniform(0, 1, (TEXELS, TEXELS, len(mixture.curves), 1)).astype(np.float32)
-    parts = [Mixture(mixture.lobes[:n], mixture.curves[:, :n]) for n in range(1, len(mixture.lobes) + 1)]
-    materials = [mixture_material(f"{len(part.lobes)}", Surface(part, weights)) for part in parts]
+    weights = random.uniform(0, 1, (TEXELS, TEXELS, len(mixtures[0].curves), 1)).astype(np.float32)
+    materials = [mixture_material(f"{number}", Surface(one, weights)) for number, one in enumerate(mixtures)]
     materials.append(_principled(materials[-1]))
     seconds = np.full((REPEATS, len(materials)), np.inf)
     transport = cycles.Transport(BOUNCES, samples=SAMPLES)
@@ -55,8 +68,7 @@ def relative_cost(mixture: Mixture) -> Work[list[float]]:
                 cycles.render(scene, Path(folder) / "cost.exr")
                 seconds[turn, number] = time.process_time() - start
                 yield Progress("cost", turn * len(materials) + number + 1, seconds.size, "pictures")
-    least = seconds.min(axis=0)
-    return [float(s) for s in least[:-1] / least[-1]]
+    return [float(s) for s in seconds.min(axis=0)]
 
 
 def _principled(like: bpy.types.Material) -> bpy.types.Material:

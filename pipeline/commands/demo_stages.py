@@ -18,13 +18,14 @@ from ..core.capture_settings import CaptureSettings, PlanSettings
 from ..core.compare.lights import new_lights
 from ..core.compare.pictures import relative_rmse
 from ..core.errors import LightsphereError
-from ..core.progress import Progress, Work, retold
+from ..core.progress import Progress, Work, retold, shares
 from ..core.reflectance import Reflectance, ReflectanceSettings
 from ..core.shape import Shape
 from ..core.shape.mesh import relief
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
-from ..core.tradeoff import Trial, light_counts, try_variants
+from ..core.tradeoff import Trial, measure
+from ..core.tradeoff.shape import double_sphere
 from .stage import as_json
 
 RECORD = "demo.json"
@@ -116,7 +117,7 @@ class Demo:
         for stage in stages[first:]:
             start = time.perf_counter()
             yield Progress(stage.name, 100 * before / total, 100, "%")
-            for share in _shares(stage):
+            for share in shares(stage.work(), stage.phases):
                 yield Progress(stage.name, 100 * (before + share * stage.seconds) / total, 100, "%")
             before += stage.seconds
             self.record["seconds"][stage.name] = time.perf_counter() - start
@@ -148,7 +149,7 @@ class Demo:
 
     def _shape(self) -> Work[None]:
         capture = self._opened_capture()
-        trials = yield from try_variants(capture, light_counts(capture, FRACTIONS, ShapeSettings()))
+        trials = yield from measure(double_sphere(capture, FRACTIONS, ShapeSettings()))
         rows = [dataclasses.asdict(trial) for trial, _ in trials]
         images.write_text(self.folder / "tradeoff.json", json.dumps(rows, indent=1))
         trial, shape = trials[-1]
@@ -261,15 +262,3 @@ def _described(name: str) -> str:
 def _renamed(work: Work[Any], name: str) -> Work[Any]:
     """Let a work's progress go by another name."""
     return retold(work, lambda step: dataclasses.replace(step, stage=name))
-
-
-def _shares(stage: Stage) -> Any:
-    """Run a stage; yield how much of it is done, from 0 to 1, never less than before."""
-    names = list(stage.phases)
-    starts = dict(zip(names, np.cumsum([0.0, *stage.phases.values()])[:-1], strict=True))
-    reached = 0.0
-    for step in stage.work():
-        if step.stage in starts:
-            share = starts[step.stage] + stage.phases[step.stage] * step.done / max(step.total, 1e-30)
-            reached = max(reached, min(share, 1.0))
-            yield reached

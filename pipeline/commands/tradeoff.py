@@ -1,63 +1,154 @@
-"""`lightsphere tradeoff`: error against time of the shape stage, as table, CSV and plot."""
+"""`lightsphere tradeoff`: error against time of any stage, as table, CSV and plot."""
 
 from __future__ import annotations
 
 import csv
-import dataclasses
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from ..core import images
+from ..core.capture import FILE as CAPTURE_FILE
 from ..core.capture import Capture
-from ..core.shape.settings import ShapeSettings
-from ..core.tradeoff import Trial, as_row, dominated, light_counts, try_variants
+from ..core.errors import LightsphereError
+from ..core.inverse import InverseSettings
+from ..core.progress import Work
+from ..core.reflectance import FILE as REFLECTANCE_FILE
+from ..core.shape import FILE as SHAPE_FILE
+from ..core.shape import Shape
+from ..core.tradeoff import STAGES, Trial, as_row, dominated, measure
+from .reflectance import capture_of
 from .stage import Figures, JsonFile, run_with_bar
 
-FRACTIONS = (0.125, 0.25, 0.5, 1.0)
-SOURCE_FRACTIONS = (0.25, 1.0)
+#: What is timed, in the words of a plot's axis.
+TIMED = {
+    "capture": "seconds to render four small pictures",
+    "shape": "seconds to solve the shape",
+    "reflectance": "seconds to fit the reflectance",
+    "material": "seconds to render a sphere",
+    "relight": "seconds to relight twelve pictures",
+    "inverse": "seconds to search",
+}
+BESIDE = ("recovered_pct",)  # the error to judge by
 
 
 def tradeoff(
-    capture: Annotated[Path, typer.Argument(help="folder of a capture under lights on two nested surfaces")],
+    source: Annotated[
+        str,
+        typer.Argument(help="a scene (capture; inverse with --photograph), or the folder that the stage starts from"),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of tradeoff.csv and tradeoff.png")],
+    stage: Annotated[
+        str,
+        typer.Option(
+            help=f"{', '.join(STAGES)}; auto: what follows on the source: capture for a scene, shape for a capture, "
+            "reflectance for a shape, material for a reflectance or a BRDF file"
+        ),
+    ] = "auto",
+    photograph: Annotated[
+        Path | None, typer.Option(help="the picture of a known scene, for inverse", metavar="FILE")
+    ] = None,
     json: JsonFile = None,
 ) -> None:
-    """Solve the shape with fewer lights and with the source's objective; state error, seconds and what is beaten."""
+    """Do a stage with several settings; state the error and time of each, and which are beaten by others.
+
+    The error is against truth where the source has it, else on lights held out; of capture against pictures with far
+    more samples, of inverse against the photograph. What is varied: bounces and samples (capture), lights, method and
+    bases (shape), model and bases (reflectance), closures (material), lights and interpolation (relight), size, time
+    and levels (inverse). Writes tradeoff.csv and tradeoff.png.
+    """
+    chosen = chosen_stage(source, stage, photograph)
+    with Figures("tradeoff", json) as figures:
+        trials = tried(chosen, source, photograph)
+        beaten = dominated(trials)
+        _print(trials, beaten)
+        rows = [as_row(trial, better) for trial, better in zip(trials, beaten, strict=True)]
+        write(output, chosen, trials, rows)
+        figures.values |= {"stage": chosen, "trials": rows}
+        front = [trial.label for trial, better in zip(trials, beaten, strict=True) if not better]
+        figures.summary = (
+            f"{chosen}: best for their time: {'; '.join(front)}; tradeoff.csv and tradeoff.png in {output}"
+        )
+
+
+def chosen_stage(source: str, stage: str, photograph: Path | None) -> str:
+    """Return the stage that is asked for, or that follows on the source."""
+    if stage not in ("auto", *STAGES):
+        raise LightsphereError(f"stage is {stage!r}; choose one of auto, {', '.join(STAGES)}")
+    if photograph is not None and stage in ("auto", "inverse"):
+        return "inverse"
+    if photograph is not None or stage == "inverse":
+        raise LightsphereError("a photograph belongs to inverse, and inverse needs one; give --photograph and no other")
+    if stage != "auto":
+        return stage
+    folder = Path(source)
+    files = {REFLECTANCE_FILE: "material", SHAPE_FILE: "reflectance", CAPTURE_FILE: "shape"}
+    found = next((follows for name, follows in files.items() if (folder / name).is_file()), None)
+    if found is None and folder.is_dir():
+        raise LightsphereError(f"{source} is no capture, shape or reflectance; give what an earlier stage wrote")
+    return found or ("material" if folder.suffix in (".binary", ".npz") else "capture")
+
+
+def tried(stage: str, source: str, photograph: Path | None) -> list[Trial]:
+    """Measure a stage's variants with a bar."""
+    if stage == "material":
+        return run_with_bar(_material(Path(source)))
+    if stage == "capture":
+        from ..blender import tradeoff as blender
+
+        variants = run_with_bar(blender.of_capture(source))
+    elif stage == "inverse":
+        from ..blender import tradeoff as blender
+        from ..blender.pictures import read
+
+        assert photograph is not None
+        variants = blender.of_inverse(source, read(photograph), InverseSettings())
+    elif stage == "shape":
+        from ..core.tradeoff import shape as shapes
+
+        variants = shapes.variants(Capture.open(Path(source)))
+    else:
+        from ..core.tradeoff import reflectance, relight
+
+        shape = Shape.open(Path(source))
+        variants = (reflectance if stage == "reflectance" else relight).variants(shape, capture_of(Path(source), shape))
+    return [trial for trial, _ in run_with_bar(measure(variants, warm_up=stage != "inverse"))]
+
+
+def _material(source: Path) -> Work[list[Trial]]:
+    from ..blender import tradeoff as blender
+    from ..core.brdf.files import read_brdf
+    from ..core.reflectance.bivariate import Bivariate, open_reflectance
+
+    if source.is_file():
+        return blender.of_material([read_brdf(source)], True)
+    found = open_reflectance(source)
+    if not isinstance(found, Bivariate):
+        raise LightsphereError(f"{source} holds a lobe per pixel, which is Cycles' own closure; give one of tables")
+    return blender.of_material([found.basis(k) for k in range(found.table.shape[2])], found.weights.shape[3] == 1)
+
+
+def write(folder: Path, stage: str, trials: Sequence[Trial], rows: Sequence[dict[str, object]]) -> None:
+    """Write the table and the plot."""
     from ..report.figures import tradeoff_plot
 
-    opened = Capture.open(capture)
-    variants = light_counts(opened, FRACTIONS, ShapeSettings())
-    source = dataclasses.replace(ShapeSettings(), objective="source")
-    variants += light_counts(opened, SOURCE_FRACTIONS, source)
-    with Figures("tradeoff", json) as figures:
-        trials = [trial for trial, _ in run_with_bar(try_variants(opened, variants))]
-        error = "depth_median_pct" if "depth_median_pct" in trials[0].errors else "material_rel_rms"
-        beaten = dominated(trials, error)
-        _print(trials, error, beaten)
-        output.mkdir(parents=True, exist_ok=True)
-        rows = [as_row(trial, better) for trial, better in zip(trials, beaten, strict=True)]
-        sink = io.StringIO()
-        writer = csv.DictWriter(sink, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        images.write_text(output / "tradeoff.csv", sink.getvalue())
-        images.write_bytes(output / "tradeoff.png", tradeoff_plot(trials, error, WORDS[error]))
-        figures.values["trials"] = rows
-        front = [trial.label for trial, better in zip(trials, beaten, strict=True) if not better]
-        figures.summary = f"best for their time: {', '.join(front)}; tradeoff.csv and tradeoff.png in {output}"
+    folder.mkdir(parents=True, exist_ok=True)
+    sink = io.StringIO()
+    writer = csv.DictWriter(sink, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    images.write_text(folder / "tradeoff.csv", sink.getvalue())
+    images.write_bytes(folder / "tradeoff.png", tradeoff_plot(trials, TIMED[stage]))
 
 
-WORDS = {"depth_median_pct": "median depth error, % of the object", "material_rel_rms": "error on lights held out"}
-
-
-def _print(trials: list[Trial], error: str, beaten: list[str]) -> None:
-    names = [name for name in ("recovered_pct", error, "depth_p95_pct") if name in trials[0].errors]
-    table = Table("lights", "seconds", *names, "beaten by")
+def _print(trials: Sequence[Trial], beaten: Sequence[str]) -> None:
+    names = [trials[0].error, *(name for name in BESIDE if name in trials[0].errors)]
+    table = Table(Column("settings", no_wrap=True), "seconds", *names, "beaten by")
     for trial, better in zip(trials, beaten, strict=True):
-        table.add_row(trial.label, f"{trial.seconds:.2f}", *(f"{trial.errors[name]:.3g}" for name in names), better)
+        table.add_row(trial.label, f"{trial.seconds:.3g}", *(f"{trial.errors[name]:.3g}" for name in names), better)
     Console().print(table)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -41,6 +41,32 @@ def retold(work: Work[Result], tell: Callable[[Progress], Progress]) -> Work[Res
             result: Result = end.value
             return result
         yield tell(step)
+
+
+def shares(work: Work[Result], phases: Mapping[str, float]) -> Generator[float, None, Result]:
+    """Run long work; yield how much of it is done, from 0 to 1, never less than before, and return its result.
+
+    Parameters
+    ----------
+    work : generator of Progress
+    phases : dict of str to float
+        The work's own stages in order and what share of the time each takes; others are not told. Where it is empty,
+        every stage counts as the whole.
+    """
+    starts, before = {}, 0.0
+    for name, share in phases.items():
+        starts[name], before = before, before + share
+    reached = 0.0
+    while True:
+        try:
+            step = next(work)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+        if step.stage in starts or not phases:
+            share = starts.get(step.stage, 0.0) + phases.get(step.stage, 1.0) * step.done / max(step.total, 1e-30)
+            reached = max(reached, min(share, 1.0))
+            yield reached
 
 
 def finish(work: Work[Result], report: Callable[[Progress], None] | None = None) -> Result:

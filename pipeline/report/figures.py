@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from ..core.camera import Camera
 from ..core.shape.mesh import Mesh
-from ..core.tradeoff import Trial, dominated
+from ..core.tradeoff import WORDS, Trial, dominated
 from . import style
 
+LETTER, LINE = 4.7, 10.0  # usual width of a letter and height of a line of labels [points]
 KEY_SIZE = (2.3, 0.46)  # inches; all keys alike, so that pictures beside each other line up
 
 
@@ -109,15 +110,21 @@ def _wire(triangles: NDArray[np.float64], half: float, tall: float) -> bytes:
     return style.plot_png(figure, dpi=320, tight=False)
 
 
-def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
-    """Plot error against seconds, both logarithmic, with the Pareto front as a line."""
-    trials = [trial for trial in trials if np.isfinite(trial.errors[error])]
+def tradeoff_plot(trials: Sequence[Trial], timed: str) -> bytes:
+    """Plot error against seconds, both logarithmic, with the Pareto front as a line; say what was timed."""
     figure = Figure(figsize=(5.4, 3.1))
-    axes = figure.add_subplot()
+    draw_tradeoff(figure.add_subplot(), trials, timed)
+    return style.plot_png(figure)
+
+
+def draw_tradeoff(axes: Any, trials: Sequence[Trial], timed: str) -> None:
+    """Draw the plot of :func:`tradeoff_plot` into axes."""
+    error = trials[0].error
+    trials = [trial for trial in trials if np.isfinite(trial.errors[error])]
     seconds = np.array([trial.seconds for trial in trials])
     errors = np.array([trial.errors[error] for trial in trials])
     order = np.argsort(seconds)
-    on_front = np.array([not better for better in dominated(trials, error)])
+    on_front = np.array([not better for better in dominated(trials)])
     front = order[on_front[order]]
     axes.plot(seconds[front], errors[front], color=style.ACCENT, linewidth=1.2, zorder=1)
     axes.scatter(seconds[on_front], errors[on_front], s=42, color=style.ACCENT, zorder=2)
@@ -130,13 +137,12 @@ def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
         linewidth=1.3,
         zorder=2,
     )
-    for trial in trials:
-        axes.annotate(
-            trial.label, (trial.seconds, trial.errors[error]), (7, 6), textcoords="offset points", fontsize=8.5
-        )
     axes.set_xscale("log")
-    axes.set_yscale("log")
-    for axis, values in ((axes.xaxis, seconds), (axes.yaxis, errors)):
+    scaled = [(axes.xaxis, seconds)]
+    if (errors > 0).all():
+        axes.set_yscale("log")
+        scaled.append((axes.yaxis, errors))
+    for axis, values in scaled:
         wide = values.max() > 30 * values.min() > 0
         axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -144,9 +150,31 @@ def tradeoff_plot(trials: Sequence[Trial], error: str, words: str) -> bytes:
     axes.tick_params(size=0, labelsize=8)
     axes.grid(color=style.LINE, linewidth=0.6)
     axes.margins(0.2, 0.25)
-    axes.set_xlabel("seconds to solve the shape")
-    axes.set_ylabel(words)
-    return style.plot_png(figure)
+    axes.set_xlabel(timed)
+    axes.set_ylabel(WORDS[error])
+    first = [*np.flatnonzero(on_front), *np.flatnonzero(~on_front)]
+    _label(axes, [(trials[i].label, seconds[i], errors[i]) for i in first])
+
+
+def _label(axes: Any, points: Sequence[tuple[str, float, float]]) -> None:
+    """Write beside each point what it is, where there is room; the first ones choose, and what has none is left out."""
+    axes.autoscale_view()
+    per_point = axes.figure.dpi / 72
+    at = [axes.transData.transform((x, y)) / per_point for _, x, y in points]  # in points of type, as sizes are
+    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in at]
+    left = axes.bbox.x0 / per_point  # beyond it are the numbers of the axis
+    for (label, seconds, error), (x, y) in zip(points, at, strict=True):
+        wide = LETTER * len(label)
+        for dx, dy in ((7, 5), (7, -14), (-7 - wide, 5), (-7 - wide, -14), (-wide / 2, 9), (-wide / 2, -19)):
+            box = (x + dx, y + dy, x + dx + wide, y + dy + LINE)
+            if box[0] > left and not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                axes.annotate(label, (seconds, error), (dx, dy), textcoords="offset points", fontsize=8.5)
+                break
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def heat(values: NDArray[Any], label: str, logarithmic: bool = True) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline import cli
+from pipeline.commands.tradeoff import chosen_stage
 from pipeline.core import images
 from pipeline.core.reflectance import Reflectance
 from tests import synthetic
@@ -64,6 +66,23 @@ def test_reflectance_and_material_follow_the_shape_to_its_capture(folder: Path, 
     assert cli.main([*words, "--overwrite"]) == 0
 
 
+def test_what_follows_on_the_source_is_tried_and_written_as_table_and_plot(folder: Path, tmp_path: Path) -> None:
+    assert chosen_stage(str(folder / "shape"), "auto", None) == "reflectance"
+    assert chosen_stage(str(folder / "capture"), "auto", None) == "shape"
+    assert chosen_stage("gold.binary", "auto", None) == "material"
+    assert chosen_stage("gourd", "auto", None) == "capture"
+    assert chosen_stage("colour-box", "auto", Path("photograph.exr")) == "inverse"
+    figures = tmp_path / "figures.json"
+    words = ["tradeoff", str(folder / "shape"), "--stage", "relight", "-o", str(tmp_path), "--json", str(figures)]
+    assert cli.main(words) == 0
+    rows = json.loads(figures.read_text())["trials"]
+    with (tmp_path / "tradeoff.csv").open(newline="") as file:
+        assert [row["label"] for row in csv.DictReader(file)] == [row["label"] for row in rows]
+    assert (tmp_path / "tradeoff.png").read_bytes().startswith(b"\x89PNG")
+    by_model = {row["lights"]: row["relight_rel_rmse"] for row in rows if row["interpolation"] == "model"}
+    assert by_model[max(by_model)] < by_model[min(by_model)]  # lights make it better
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -71,7 +90,12 @@ def test_reflectance_and_material_follow_the_shape_to_its_capture(folder: Path, 
         (["material", "shape", "-o", "asset.gltf"], "no .blend file"),
         (["material", "capture", "-o", "asset.blend"], "is no shape"),
         (["reflectance", "shape", "-o", "r", "--held-out", "1"], "held_out is 1"),
-        (["tradeoff", "shape", "-o", "t"], "is not a capture"),
+        (["tradeoff", "shape", "--stage", "shape", "-o", "t"], "is not a capture"),
+        (["tradeoff", "shape", "--stage", "film", "-o", "t"], "stage is 'film'; choose one of auto, capture"),
+        (["tradeoff", "shape", "--stage", "inverse", "-o", "t"], "inverse needs one; give --photograph"),
+        (["tradeoff", "shape", "--photograph", "a.exr", "--stage", "shape", "-o", "t"], "belongs to inverse"),
+        (["tradeoff", ".", "-o", "t"], "is no capture, shape or reflectance"),
+        (["tradeoff", "nothing", "-o", "t"], "there is no scene 'nothing'"),
     ],
 )
 def test_wrong_input_is_one_line_and_status_two(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from pipeline.core.errors import LightsphereError
-from pipeline.core.progress import Progress, Work, finish
+from pipeline.core.progress import Progress, Work, finish, shares
 
 
 def count(total: int, closed: list[str]) -> Work[str]:
@@ -46,3 +46,20 @@ def test_an_error_of_the_work_reaches_the_caller() -> None:
 
     with pytest.raises(LightsphereError, match="nothing; do something"):
         finish(fail())
+
+
+def test_a_works_own_stages_become_shares_of_the_whole_that_never_fall() -> None:
+    def work() -> Work[str]:
+        for stage, done in (("read", 1), ("read", 2), ("solve", 1), ("other", 2), ("solve", 2), ("read", 1)):
+            yield Progress(stage, done, 2)
+        return "done"
+
+    running = shares(work(), {"read": 0.2, "solve": 0.8})
+    told = []
+    try:
+        while True:
+            told.append(next(running))
+    except StopIteration as end:
+        assert end.value == "done"
+    assert told == pytest.approx([0.1, 0.2, 0.6, 1.0, 1.0])
+    assert list(shares(work(), {})) == [0.5, 1.0, 1.0, 1.0, 1.0, 1.0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 
 from pipeline.core.capture import Capture
 from pipeline.core.errors import LightsphereError
+from pipeline.core.progress import Progress, Work, finish
 from pipeline.core.shape.settings import ShapeSettings
-from pipeline.core.tradeoff import Trial, as_row, dominated, light_counts, thinned
+from pipeline.core.tradeoff import Trial, Variant, as_row, dominated, evenly, measure, thinned
+from pipeline.core.tradeoff.shape import double_sphere
 from tests import synthetic
 
 
@@ -46,22 +49,53 @@ def test_all_lights_are_all_lights(capture: Capture) -> None:
 
 
 def test_fractions_become_counts_of_at_least_eight(capture: Capture) -> None:
-    found = light_counts(capture, (0.01, 0.25, 1.0), ShapeSettings())
+    found = double_sphere(capture, (0.01, 0.25, 1.0), ShapeSettings())
     assert [variant.label for variant in found] == ["8/8", "80/20", "320/80"]
-    assert light_counts(capture, (1.0,), ShapeSettings(objective="source"))[0].label == "320/80 source"
+    assert [variant.settings["lights"] for variant in found] == [16, 100, 400]
+    assert double_sphere(capture, (1.0,), ShapeSettings(objective="source"))[0].label == "320/80 source"
+
+
+def test_numbers_are_evenly_spread_without_the_ends_where_others_will_do() -> None:
+    assert evenly(400, 3).tolist() == [100, 200, 299]
+    assert evenly(3, 12).tolist() == [0, 1, 2]
+    assert evenly(1, 5).tolist() == [0]
+
+
+def test_every_variant_is_timed_and_judged_and_the_lightest_once_before_uncounted() -> None:
+    done: list[str] = []
+
+    def variant(label: str, weight: float, seconds: float) -> Variant:
+        def work() -> Work[str]:
+            done.append(label)
+            for part in range(4):
+                time.sleep(seconds / 4)
+                yield Progress("anything", part + 1, 4)
+            return label.upper()
+
+        return Variant(label, {"n": weight}, weight, work, lambda result: {"relight_rel_rmse": float(len(result))})
+
+    steps: list[Progress] = []
+    found = finish(measure([variant("slow one", 3, 0.08), variant("quick", 1, 0.0)]), steps.append)
+    assert done == ["quick", "slow one", "quick"]
+    trials = [trial for trial, _ in found]
+    assert [result for _, result in found] == ["SLOW ONE", "QUICK"]
+    assert [trial.errors["relight_rel_rmse"] for trial in trials] == [8.0, 5.0]
+    assert trials[0].seconds >= 0.08 > trials[1].seconds  # judged by what was slept, not by the machine's speed
+    shares = [step.done for step in steps if step.stage == "try"]
+    assert shares == sorted(shares) and shares[-1] == 100.0 and 75.0 in shares
 
 
 def trial(label: str, seconds: float, error: float, recovered: float = 100.0) -> Trial:
-    return Trial(label, 1, seconds, {"depth_median_pct": error, "recovered_pct": recovered})
+    return Trial(label, {"lights": 1}, seconds, {"recovered_pct": recovered, "depth_median_pct": error})
 
 
 def test_the_pareto_front_is_what_nothing_beats() -> None:
     trials = [trial("slow", 9, 0.1), trial("quick", 1, 0.5), trial("bad", 2, 0.6), trial("holes", 0.5, 0.05, 40)]
-    assert dominated(trials, "depth_median_pct") == ["", "", "quick", ""]
-    assert dominated([trial("a", 1, 1), trial("b", 1, 1)], "depth_median_pct") == ["", ""]
-    assert dominated([trial("a", 1, 1), trial("b", 1, 1, 90)], "depth_median_pct") == ["", "a"]
+    assert dominated(trials) == ["", "", "quick", ""]
+    assert dominated([trial("a", 1, 1), trial("b", 1, 1)]) == ["", ""]
+    assert dominated([trial("a", 1, 1), trial("b", 1, 1, 90)]) == ["", "a"]
     nothing = trial("nothing", 3, np.nan, 0)
-    assert dominated([trial("a", 1, 1), nothing], "depth_median_pct") == ["", "a"]
+    assert dominated([trial("a", 1, 1), nothing]) == ["", "a"]
 
 
 def test_a_row_is_flat() -> None:

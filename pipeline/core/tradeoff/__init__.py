@@ -1,0 +1,179 @@
+"""Error against time: a stage done with several settings, each measured, and which of them others beat.
+
+:mod:`.shape`, :mod:`.reflectance` and :mod:`.relight` say which settings of a stage matter; what renders, capture,
+material and inverse, is in :mod:`pipeline.blender.tradeoff`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Capture
+from ..errors import LightsphereError
+from ..progress import Progress, Work, shares
+
+STAGES = ("capture", "shape", "reflectance", "material", "relight", "inverse")
+#: What each error is, in the words of a plot's axis.
+WORDS = {
+    "depth_median_pct": "median depth error, % of the object",
+    "normal_mae_deg": "mean angle between normals, degrees",
+    "material_rel_rms": "relative error of the reflectance",
+    "relight_rel_rmse": "relative error of the pictures",
+    "rerendered_rel_rmse": "relative error of the picture",
+}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What some settings cost and gave.
+
+    Parameters
+    ----------
+    label : str
+        Short, e.g. ``"80/20 source"``.
+    settings : dict
+        What was varied.
+    seconds : float
+        Of the stage, reading the pictures included.
+    errors : dict of str to float
+        The first is the one to judge by, a key of :data:`WORDS`. ``recovered_pct`` counts, too, if it is there.
+    """
+
+    label: str
+    settings: dict[str, Any]
+    seconds: float
+    errors: dict[str, float]
+
+    @property
+    def error(self) -> str:
+        """The name of the error to judge by."""
+        return next(name for name in self.errors if name in WORDS)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Settings that are tried.
+
+    Parameters
+    ----------
+    label : str
+    settings : dict
+    weight : float
+        Expected cost, relative to that of other variants.
+    work : callable
+        Does the stage: what is timed.
+    judge : callable
+        Takes what the work returned and gives the errors of a :class:`Trial`.
+    phases : dict of str to float, optional
+        The work's own stages and what share of the time each takes; see :func:`pipeline.core.progress.shares`.
+    """
+
+    label: str
+    settings: dict[str, Any]
+    weight: float
+    work: Callable[[], Work[Any]]
+    judge: Callable[[Any], dict[str, float]]
+    phases: Mapping[str, float] = field(default_factory=dict)
+
+
+def measure(variants: Sequence[Variant], warm_up: bool = True) -> Work[list[Any]]:
+    """Try every variant in turn.
+
+    Parameters
+    ----------
+    variants : sequence of Variant
+    warm_up : bool
+        Whether the lightest variant is done once before, uncounted: that compiles kernels and fills caches.
+
+    Returns
+    -------
+    list of (Trial, what the variant's work returned)
+    """
+    total = sum(variant.weight for variant in variants)
+    if warm_up:
+        for _ in min(variants, key=lambda variant: variant.weight).work():
+            yield Progress("warm up", 0.0, 100.0, "%")
+    found, done = [], 0.0
+    for variant in variants:
+        start = time.perf_counter()
+        running = shares(variant.work(), variant.phases)
+        try:
+            while True:
+                yield Progress("try", 100 * (done + variant.weight * next(running)) / total, 100.0, "%")
+        except StopIteration as end:
+            result = end.value
+        seconds = time.perf_counter() - start
+        done += variant.weight
+        trial = Trial(variant.label, variant.settings, seconds, variant.judge(result))
+        found.append((trial, result))
+        yield Progress("try", 100 * done / total, 100.0, "%")
+    return found
+
+
+def dominated(trials: Sequence[Trial]) -> list[str]:
+    """Name for every trial one that is no slower, no worse and no less complete, and better in one; ``""`` if none.
+
+    Trials named ``""`` are the Pareto front over seconds, error and ``recovered_pct``: a solve that leaves the
+    difficult pixels out is not the better for it.
+    """
+
+    def costs(trial: Trial) -> tuple[float, float, float]:
+        wrong = trial.errors[trial.error]  # not a number where nothing was recovered
+        return trial.seconds, np.inf if np.isnan(wrong) else wrong, -trial.errors.get("recovered_pct", 100.0)
+
+    names = []
+    for trial in trials:
+        own = costs(trial)
+        better = [
+            other
+            for other in trials
+            if costs(other) != own and all(a <= b for a, b in zip(costs(other), own, strict=True))
+        ]
+        names.append(min(better, key=lambda other: costs(other)[1]).label if better else "")
+    return names
+
+
+def as_row(trial: Trial, better: str) -> dict[str, Any]:
+    """Return a trial as one flat row of a table."""
+    return {
+        "label": trial.label,
+        **trial.settings,
+        "seconds": trial.seconds,
+        **trial.errors,
+        "beaten_by": better,
+    }
+
+
+def thinned(capture: Capture, inner: int, outer: int) -> Capture:
+    """Return the capture with so many lights of each surface, as evenly spread as they allow."""
+    kept = []
+    for surface, count in (("inner", inner), ("outer", outer)):
+        own = capture.lights.on(surface)
+        if count > len(own):
+            raise LightsphereError(f"{capture.folder} has {len(own)} {surface} lights; choose at most as many")
+        kept.append(own[spread(capture.lights.position[own], count)])
+    return capture.select(np.sort(np.concatenate(kept)))
+
+
+def spread(positions: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Choose points one after the other, each the farthest from those before it (Gonzalez 1985)."""
+    directions = positions - positions.mean(axis=0)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    chosen = [0]
+    nearest = directions @ directions[0]
+    while len(chosen) < count:
+        nearest[chosen] = np.inf
+        chosen.append(int(np.argmin(nearest)))
+        nearest = np.maximum(nearest, directions @ directions[chosen[-1]])
+    return np.array(chosen)
+
+
+def evenly(total: int, count: int) -> NDArray[np.int64]:
+    """Return at most so many of the numbers below a total, evenly spread, its ends left out where others will do."""
+    return np.unique(np.linspace(0, total - 1, count + 2).round().astype(np.int64)[1:-1])
