@@ -17,6 +17,7 @@ from pipeline.core.reflectance import ReflectanceSettings, tables
 from tests import drawn, synthetic
 from tests.hard_cases.catalogue import Outcome
 
+SLOW = True
 SCALES = (1e-6, 1e6)
 
 

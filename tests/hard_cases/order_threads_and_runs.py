@@ -26,6 +26,7 @@ from pipeline.core.shape.settings import ShapeSettings
 from tests import drawn, synthetic
 from tests.hard_cases.catalogue import Outcome
 
+SLOW = True
 BALL = synthetic.ball(synthetic.camera(14))
 Solve = Callable[[drawn.Drawn], NDArray[Any]]
 
