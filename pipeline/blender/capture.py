@@ -133,15 +133,16 @@ def _begun(scene: bpy.types.Scene, started: Capture, settings: CaptureSettings) 
 
 def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Capture:
     """Return the capture found in the folder, its truth intact; raise LightsphereError when another one is wanted."""
+    before = {"device": devices.PROCESSOR.kind, **found.notes}  # older captures do not say it: there was no other
     for name in ("scene", "scene_sha256", "blender", "device"):
-        if found.notes.get(name) != wanted.notes.get(name):
+        if before.get(name) != wanted.notes.get(name):
             raise LightsphereError(
-                f"{found.folder} holds a capture with {name} {found.notes.get(name)}, not {wanted.notes.get(name)}; "
+                f"{found.folder} holds a capture with {name} {before.get(name)}, not {wanted.notes.get(name)}; "
                 "choose another folder or delete it"
             )
-    before, now = found.notes.get("settings", {}), wanted.notes["settings"]
-    if different := [name for name in now if before.get(name) != now[name]]:
-        words = ", ".join(f"{name} {before.get(name)}, not {now[name]}" for name in different)
+    earlier, now = found.notes.get("settings", {}), wanted.notes["settings"]
+    if different := [name for name in now if earlier.get(name) != now[name]]:
+        words = ", ".join(f"{name} {earlier.get(name)}, not {now[name]}" for name in different)
         raise LightsphereError(f"{found.folder} holds a capture with {words}; choose another folder or delete it")
     if found.lights.as_json() != wanted.lights.as_json() or found.camera.as_json() != wanted.camera.as_json():
         raise LightsphereError(
@@ -179,7 +180,7 @@ def _render_all(
     """Render the pictures not done, here and in workers, noting each in ``done`` and the journal."""
     pending = deque(i for i, name in enumerate(started.files) if not done[name])
     total, processor_cores = len(started), _processor_cores()
-    on_gpu = devices.chosen().kind != "CPU"  # which one process keeps busy
+    on_gpu = devices.chosen().is_gpu  # which one process keeps busy
     processes = max(1, min(processes or (1 if on_gpu else processor_cores), len(pending)))
     threads = max(1, processor_cores // processes)
     words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,11 @@ class Device:
     name: str
     missing: bool = False
 
+    @property
+    def is_gpu(self) -> bool:
+        """Whether it is no processor."""
+        return self.kind != "CPU"
+
 
 PROCESSOR = Device("CPU", "the processor")
 _chosen = PROCESSOR
@@ -50,7 +56,7 @@ def choose(wanted: str) -> Device:
     if wanted not in CHOICES:
         raise LightsphereError(f"device is {wanted!r}; choose one of {', '.join(CHOICES)}")
     found = _gpu(switch_on=wanted == "gpu") if wanted != "cpu" else None
-    _chosen = found or Device("CPU", PROCESSOR.name, missing=wanted == "gpu")
+    _chosen = found or dataclasses.replace(PROCESSOR, missing=wanted == "gpu")
     return _chosen
 
 
@@ -61,7 +67,7 @@ def chosen() -> Device:
 
 def cycles_values() -> dict[str, Any]:
     """Return what a scene's Cycles settings must say."""
-    return {"device": "CPU" if _chosen.kind == "CPU" else "GPU"}
+    return {"device": "GPU" if _chosen.is_gpu else "CPU"}
 
 
 def _gpu(switch_on: bool) -> Device | None:

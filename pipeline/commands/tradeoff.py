@@ -64,6 +64,7 @@ def tradeoff(
     """
     chosen = chosen_stage(source, stage, photograph)
     with Figures("tradeoff", json) as figures:
+        output.mkdir(parents=True, exist_ok=True)
         trials = tried(chosen, source, photograph)
         beaten = dominated(trials)
         _print(trials, beaten)
@@ -137,7 +138,6 @@ def write(folder: Path, stage: str, trials: Sequence[Trial], rows: Sequence[dict
     """Write the table and the plot."""
     from ..report.figures import tradeoff_plot
 
-    folder.mkdir(parents=True, exist_ok=True)
     sink = io.StringIO()
     writer = csv.DictWriter(sink, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
     writer.writeheader()

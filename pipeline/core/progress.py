@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 Result = TypeVar("Result")
+Step = TypeVar("Step")
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Progress:
 Work = Generator[Progress, None, Result]
 
 
-def retold(work: Work[Result], tell: Callable[[Progress], Progress]) -> Work[Result]:
+def retold(work: Generator[Step, None, Result], tell: Callable[[Step], Progress]) -> Work[Result]:
     """Let long work that is a part of another tell its steps as steps of that."""
     while True:
         try:

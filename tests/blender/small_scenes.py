@@ -13,6 +13,26 @@ def empty() -> bpy.types.Scene:
     return bpy.context.scene
 
 
+def material(name: str, node_type: str, inputs: dict[str, object], **attributes: object) -> bpy.types.Material:
+    """Return a material of one closure."""
+    made = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        made.use_nodes = True
+    nodes = made.node_tree.nodes
+    nodes.clear()
+    closure, output = nodes.new(node_type), nodes.new("ShaderNodeOutputMaterial")
+    for key, value in attributes.items():
+        setattr(closure, key, value)
+    for key, value in inputs.items():
+        closure.inputs[key].default_value = value
+    made.node_tree.links.new(closure.outputs[0], output.inputs[0])
+    return made
+
+
+def diffuse(name: str, albedo: float) -> bpy.types.Material:
+    return material(name, "ShaderNodeBsdfDiffuse", {"Color": (albedo, albedo, albedo, 1)})
+
+
 def ball(node_type: str, inputs: dict[str, object], **attributes: object) -> bpy.types.Scene:
     """Return a scene of one finely tessellated ball of radius 1 m seen from (0, -7, 2)."""
     scene = empty()
@@ -20,18 +40,7 @@ def ball(node_type: str, inputs: dict[str, object], **attributes: object) -> bpy
     item = bpy.context.object
     item.data.shade_smooth()
     item.cycles.shadow_terminator_geometry_offset = 0.0
-    material = bpy.data.materials.new("Ball")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    closure, output = nodes.new(node_type), nodes.new("ShaderNodeOutputMaterial")
-    for name, value in attributes.items():
-        setattr(closure, name, value)
-    for name, value in inputs.items():
-        closure.inputs[name].default_value = value
-    material.node_tree.links.new(closure.outputs[0], output.inputs[0])
-    item.data.materials.append(material)
+    item.data.materials.append(material("Ball", node_type, inputs, **attributes))
     aim(scene, (0.0, -7.0, 2.0), 0.31)
     return scene
 

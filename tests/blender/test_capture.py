@@ -157,6 +157,17 @@ def test_capture_is_not_continued_with_other_settings(tmp_path: Path, change: di
     assert bytes_of(tmp_path) == before
 
 
+def test_a_capture_is_continued_on_the_device_that_began_it(tmp_path: Path) -> None:
+    scene = small_scenes.lambert(0.5)
+    whole = finish(capture.capture(scene, "test", tmp_path, SMALL))
+    dataclasses.replace(whole, notes=whole.notes | {"device": "CUDA"}).save()
+    with pytest.raises(LightsphereError, match="device CUDA, not CPU"):
+        finish(capture.capture(scene, "test", tmp_path, SMALL))
+    older = {name: value for name, value in whole.notes.items() if name != "device"}
+    dataclasses.replace(whole, notes=older).save()
+    assert finish(capture.capture(scene, "test", tmp_path, SMALL)).notes == older
+
+
 def test_half_floats_are_the_rounded_floats(tmp_path: Path) -> None:
     scene = small_scenes.lambert(0.5)
     for kind in ("float", "half"):

@@ -25,15 +25,7 @@ def floor() -> bpy.types.Scene:
     """A Lambertian floor of 20 m in the plane z = 0, seen from above."""
     scene = small_scenes.empty()
     bpy.ops.mesh.primitive_plane_add(size=20)
-    material = bpy.data.materials.new("Floor")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    closure, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    closure.inputs["Color"].default_value = (ALBEDO, ALBEDO, ALBEDO, 1)
-    material.node_tree.links.new(closure.outputs[0], output.inputs[0])
-    bpy.context.object.data.materials.append(material)
+    bpy.context.object.data.materials.append(small_scenes.diffuse("Floor", ALBEDO))
     small_scenes.aim(scene, (0.0, 0.5, 9.0), 0.5)
     return scene
 

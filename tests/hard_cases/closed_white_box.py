@@ -32,24 +32,12 @@ MOST = 0.04  # where a search ends that stops by the clock differs: .939 to .949
 BUDGET = 120.0  # seconds: enough on a busy machine
 
 
-def diffuse(name: str, albedo: float) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    closure, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    closure.inputs["Color"].default_value = (albedo, albedo, albedo, 1.0)
-    material.node_tree.links.new(closure.outputs[0], output.inputs[0])
-    return material
-
-
 def box() -> bpy.types.Scene:
     """A box of 2 m with a block in it, a lamp under its ceiling, and the camera inside."""
     scene = small_scenes.empty()
     for name, size, place, albedo in (("Walls", 2.0, (0, 0, 0), WALLS), ("Block", 0.6, (0.2, 0.4, -0.7), BLOCK)):
         bpy.ops.mesh.primitive_cube_add(size=size, location=place)
-        bpy.context.object.data.materials.append(diffuse(name, albedo))
+        bpy.context.object.data.materials.append(small_scenes.diffuse(name, albedo))
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
     lamp.data.size, lamp.data.energy, lamp.location = 0.4, 5.0, (0.0, 0.0, 0.95)
     scene.collection.objects.link(lamp)

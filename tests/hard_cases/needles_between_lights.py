@@ -31,11 +31,11 @@ def run() -> list[Outcome]:
         prepared = finish(prepare(capture, ball, RelightSettings(interpolation=interpolation)))
         worst, dark = 0.0, 0.0
         for turn in np.linspace(0, 2 * np.pi, 9)[:-1]:
-            place = [1.9 * np.cos(turn), 0.01 * np.sin(3 * turn), 1.9 * np.sin(turn)]
+            place = [2 * np.cos(turn), 0.01 * np.sin(3 * turn), 2 * np.sin(turn)]  # as far as its neighbours
             picture = finish(relit(prepared, [point(place, [12.0] * 3)]))
             dark = min(dark, float(np.nan_to_num(picture, nan=-np.inf).min()))
             worst = max(worst, float(picture.max() / capture.pictures.max()))
         told = "finite, none negative" if dark >= 0 else f"a value of {dark:.2g}"
         bright = max(worst - 1, 0.0) if dark >= 0 else np.inf
-        found.append(Outcome(f"needles, {interpolation}", bright, 0.3, "brighter than all neighbours", told))
+        found.append(Outcome(f"needles, {interpolation}", bright, 0.1, "brighter than all neighbours", told))
     return found

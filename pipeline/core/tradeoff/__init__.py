@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,11 @@ from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..errors import LightsphereError
-from ..progress import Progress, Work, shares
+from ..progress import Progress, Work, retold, shares
 
+#: Shares of a capture's lights that are tried, and those tried with the source's rule.
+FRACTIONS, SOURCE_FRACTIONS = (0.125, 0.25, 0.5, 1.0), (0.25, 1.0)
+FEWEST = 8  # lights of a surface, or distant ones
 STAGES = ("capture", "shape", "reflectance", "material", "relight", "inverse")
 #: What each error is, in the words of a plot's axis.
 WORDS = {
@@ -102,18 +106,18 @@ def measure(variants: Sequence[Variant], warm_up: bool = True) -> Work[list[Any]
     found, done = [], 0.0
     for variant in variants:
         start = time.perf_counter()
-        running = shares(variant.work(), variant.phases)
-        try:
-            while True:
-                yield Progress("try", 100 * (done + variant.weight * next(running)) / total, 100.0, "%")
-        except StopIteration as end:
-            result = end.value
+        result = yield from retold(shares(variant.work(), variant.phases), partial(_tried, done, variant.weight, total))
         seconds = time.perf_counter() - start
         done += variant.weight
         trial = Trial(variant.label, variant.settings, seconds, variant.judge(result))
         found.append((trial, result))
         yield Progress("try", 100 * done / total, 100.0, "%")
     return found
+
+
+def _tried(done: float, weight: float, total: float, share: float) -> Progress:
+    """Tell of a share of a variant as a part of all."""
+    return Progress("try", 100 * (done + weight * share) / total, 100.0, "%")
 
 
 def dominated(trials: Sequence[Trial]) -> list[str]:
@@ -148,6 +152,11 @@ def as_row(trial: Trial, better: str) -> dict[str, Any]:
         **trial.errors,
         "beaten_by": better,
     }
+
+
+def fewer(fraction: float, lights: int) -> int:
+    """Return how many lights are a fraction of so many, at least FEWEST of them."""
+    return max(round(fraction * lights), min(FEWEST, lights))
 
 
 def thinned(capture: Capture, inner: int, outer: int) -> Capture:

@@ -15,12 +15,9 @@ from ..relight import RelightSettings
 from ..relight.emitters import point
 from ..relight.render import prepare, relit
 from ..shape import Shape
-from . import Variant, evenly, thinned
+from . import FRACTIONS, SOURCE_FRACTIONS, Variant, evenly, fewer, thinned
 
-FRACTIONS = (0.125, 0.25, 0.5, 1.0)
-SOURCE_FRACTIONS = (0.25, 1.0)
 PICTURES = 12  # lights that are held out and relit
-FEWEST = 8  # lights of a surface
 DIM = 0.05  # of the brightest picture's mean: what is below tells nothing, such as a light under the ground
 
 
@@ -43,7 +40,7 @@ def variants(shape: Shape, capture: Capture) -> list[Variant]:
     found = []
     for interpolation, fractions in (("model", FRACTIONS), ("source", SOURCE_FRACTIONS)):
         for fraction in fractions:
-            inner, outer = (max(round(fraction * n), min(FEWEST, n)) for n in counts)
+            inner, outer = (fewer(fraction, n) for n in counts)
             part = thinned(rest, inner, outer)
             label = f"{inner}/{outer}" + (" source" if interpolation == "source" else "")
             described = {"lights": len(part), "interpolation": interpolation}

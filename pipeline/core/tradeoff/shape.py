@@ -18,13 +18,10 @@ from ..shape.double_sphere import recover as by_double_sphere
 from ..shape.photometric.recover import recover as by_photometric_stereo
 from ..shape.settings import ShapeSettings
 from ..shape.uncalibrated.recover import recover as by_unknown_lights
-from . import Variant, evenly, spread, thinned
+from . import FRACTIONS, SOURCE_FRACTIONS, Variant, evenly, fewer, spread, thinned
 
-FRACTIONS = (0.125, 0.25, 0.5, 1.0)
-SOURCE_FRACTIONS = (0.25, 1.0)
 PHOTOGRAPHS = (6, 8, 12, 24)
 BASES = (1, 2, 3)
-FEWEST = 8  # lights of a surface, or distant ones
 PHASES = {"read": 0.1, "shape": 0.9}
 
 
@@ -43,7 +40,7 @@ def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeS
     """Return solves with these fractions of both surfaces' lights, at least 8 a surface."""
     found = []
     for fraction in fractions:
-        inner, outer = (_count(fraction, len(capture.lights.on(surface))) for surface in ("inner", "outer"))
+        inner, outer = (fewer(fraction, len(capture.lights.on(surface))) for surface in ("inner", "outer"))
         own = settings.objective != ShapeSettings().objective
         label = f"{inner}/{outer}" + (f" {settings.objective}" if own else "")
         part = thinned(capture, inner, outer)
@@ -58,7 +55,7 @@ def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeS
 
 def _photometric(capture: Capture) -> list[Variant]:
     found = []
-    for count in sorted({_count(fraction, len(capture)) for fraction in FRACTIONS}):
+    for count in sorted({fewer(fraction, len(capture)) for fraction in FRACTIONS}):
         part = capture.select(np.sort(spread(capture.lights.position, count)))
         for method, bases in (("lambertian", 0), *(("acls", k) for k in BASES)):
             if method == "acls" and bases < BASES[-1] and count < len(capture):
@@ -89,10 +86,6 @@ def _unknown(capture: Capture) -> list[Variant]:
         described = {"lights": count, "method": "uncalibrated"}
         found.append(Variant(f"{count} photographs", described, count, solve, judged))
     return found
-
-
-def _count(fraction: float, lights: int) -> int:
-    return max(round(fraction * lights), min(FEWEST, lights))
 
 
 def _judged(shape: Shape, capture: Capture) -> dict[str, float]:

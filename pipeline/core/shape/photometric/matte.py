@@ -42,27 +42,41 @@ def deviation(sight: Sight, b: NDArray[np.float64], mask: NDArray[np.bool_]) -> 
         return None
     p, q = neighbours(mask)
     sums, pairs, largest = np.zeros(3), 0, 0.0
-    normal_equations = np.zeros((len(b), 3, 3))
-    for light, place in enumerate(sight.lights):
-        towards = place - sight.points if sight.near else np.broadcast_to(place, b.shape)
-        towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-        foreseen = (b * towards).sum(axis=1)
-        tells = (foreseen > FLAT * size) & (sight.usable[:, light] > 0)
-        left = np.where(tells, sight.values[:, light].mean(axis=1) - foreseen, 0.0)
+    for light in range(len(sight.lights)):
+        towards, tells = _lit(sight, b, light)
+        left = np.where(tells, sight.values[:, light].mean(axis=1) - (b * towards).sum(axis=1), 0.0)
         largest = max(largest, float(np.max(np.abs(left) / size, initial=0.0)))
         both = tells[p] & tells[q]
         first, second = left[p[both]], left[q[both]]
         sums += [first @ second, first @ first, second @ second]
         pairs += int(both.sum())
-        normal_equations += np.where(tells, 1.0, 0.0)[:, None, None] * towards[:, :, None] * towards[:, None, :]
     shared = sums[0] >= SHARED * np.sqrt(sums[1] * sums[2])
     if pairs < FEWEST or (largest >= EXACT and shared):
         return None
+    return _of_least_squares(sight, b, float(sums[1]) / pairs)
+
+
+def _of_least_squares(sight: Sight, b: NDArray[np.float64], left: float) -> NDArray[np.float64]:
+    """Return the deviation of the normals (P,) [rad] by the mean square that is left of the values."""
+    size = np.linalg.norm(b, axis=1)
+    equations = np.zeros((len(b), 3, 3))
+    for light in range(len(sight.lights)):
+        towards, tells = _lit(sight, b, light)
+        equations += np.where(tells, 1.0, 0.0)[:, None, None] * towards[:, :, None] * towards[:, None, :]
     across = np.eye(3) - np.einsum("pi,pj->pij", b, b) / size[:, None, None] ** 2
-    inverse = np.linalg.pinv(normal_equations, hermitian=True)
-    lights = np.trace(normal_equations, axis1=1, axis2=2).mean()  # of unit length: how many tell
-    noise = np.sqrt(sums[1] / pairs * lights / max(lights - 3, 1.0))
+    inverse = np.linalg.pinv(equations, hermitian=True)
+    lights = np.trace(equations, axis1=1, axis2=2).mean()  # of unit length: how many tell
+    noise = np.sqrt(left * lights / max(lights - 3, 1.0))
     return np.asarray(noise / size * np.sqrt(np.einsum("pij,pji->p", across, inverse)))
+
+
+def _lit(sight: Sight, b: NDArray[np.float64], light: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the unit directions to a light (P, 3), and whether its value tells something of each pixel (P,)."""
+    place = sight.lights[light]
+    towards = place - sight.points if sight.near else np.broadcast_to(place, b.shape)
+    towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    foreseen = (b * towards).sum(axis=1)
+    return towards, (foreseen > FLAT * np.linalg.norm(b, axis=1)) & (sight.usable[:, light] > 0)
 
 
 def neighbours(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
