@@ -22,6 +22,7 @@ from ..core.journal import Journal
 from ..core.progress import Progress, Work
 from . import cycles, devices, geometry, lamps, plan, rig, truth, workers
 from .camera import camera_of
+from .plan.audit import audit
 
 JOURNAL = "finished.sha256"
 
@@ -66,6 +67,9 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
     finally:
         _remove_partial_files(folder)  # of workers that were stopped
     finished = dataclasses.replace(started, checksums=tuple(done[name] for name in started.files))
+    if settings.effects == "auto" and "audit" not in finished.notes:
+        found = yield from audit(scene, finished)
+        finished = dataclasses.replace(finished, notes=finished.notes | {"audit": dataclasses.asdict(found)})
     finished.save()
     journal.remove()
     return finished
@@ -123,7 +127,7 @@ def _begun(scene: bpy.types.Scene, started: Capture, settings: CaptureSettings) 
     """Write truth and description of a new capture, the description last."""
     with cycles.own_lights_hidden(scene):
         truth.write(scene, started.camera, started.folder)
-    decided = yield from plan.decide(scene, started, settings.effects, settings.samples, PlanSettings())
+    decided = yield from plan.decide(scene, started.lights, PlanSettings(**dataclasses.asdict(settings)))
     notes = started.notes | decided.as_notes()
     notes["sha256"] = {name: images.checksum(started.folder / name) for name in truth.FILES}
     begun = dataclasses.replace(started, notes=notes)
@@ -140,8 +144,9 @@ def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Captu
                 f"{found.folder} holds a capture with {name} {before.get(name)}, not {wanted.notes.get(name)}; "
                 "choose another folder or delete it"
             )
-    earlier, now = found.notes.get("settings", {}), wanted.notes["settings"]
-    if different := [name for name in now if earlier.get(name) != now[name]]:
+    now = wanted.notes["settings"]
+    earlier = dataclasses.asdict(CaptureSettings()) | found.notes.get("settings", {})  # older captures lack new ones
+    if different := [name for name in now if earlier[name] != now[name]]:
         words = ", ".join(f"{name} {earlier.get(name)}, not {now[name]}" for name in different)
         raise LightsphereError(f"{found.folder} holds a capture with {words}; choose another folder or delete it")
     if found.lights.as_json() != wanted.lights.as_json() or found.camera.as_json() != wanted.camera.as_json():

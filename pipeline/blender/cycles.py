@@ -32,6 +32,8 @@ class Transport:
         Whether light may reach a diffuse bounce by a glossy surface or glass.
     samples : int
         A pixel.
+    depth_of_field, motion_blur : bool
+        Whether the camera has the lens and the exposure time that the scene gives it.
     """
 
     bounces: int = 0
@@ -40,6 +42,8 @@ class Transport:
     transmission: bool = True
     caustics: bool = True
     samples: int = 1
+    depth_of_field: bool = False
+    motion_blur: bool = False
 
 
 DIRECT = Transport()
@@ -48,7 +52,6 @@ RENDER: dict[str, Any] = {
     "engine": "CYCLES",
     "resolution_percentage": 100,
     "use_border": False,
-    "use_motion_blur": False,
     "use_freestyle": False,
     "use_compositing": False,
     "use_sequencer": False,
@@ -118,22 +121,41 @@ def measuring(
         "diffuse_bounces": transport.bounces if transport.diffuse else 0,
         "glossy_bounces": transport.bounces if transport.glossy else 0,
         "transmission_bounces": transport.bounces if transport.transmission else 0,
+        "volume_bounces": transport.bounces,
         "caustics_reflective": transport.caustics,
         "caustics_refractive": transport.caustics,
     }
     render = RENDER | {f"use_stamp_{name}": False for name in STAMPS}
     width, height = camera.resolution
+    render |= {"use_motion_blur": transport.motion_blur and scene.render.use_motion_blur}
     render |= {"resolution_x": width, "resolution_y": height, "filepath": scene.render.filepath}
     render |= dict(zip(("pixel_aspect_x", "pixel_aspect_y"), pixel_aspect(camera), strict=True))
     render |= {"threads_mode": "FIXED", "threads": threads} if threads else {}
+    lens = scene.camera.data.dof
     with contextlib.ExitStack() as stack:
         stack.enter_context(changed(scene, {"world": None}))
         stack.enter_context(changed(scene.render, render))
         stack.enter_context(changed(scene.cycles, CYCLES | devices.cycles_values() | light))
-        stack.enter_context(changed(scene.camera.data.dof, {"use_dof": False}))
+        stack.enter_context(changed(lens, {"use_dof": transport.depth_of_field and lens.use_dof}))
         for layer in scene.view_layers[1:]:
             stack.enter_context(changed(layer, {"use": False}))
         stack.enter_context(changed(scene.view_layers[0], {"use": True, "material_override": None}))
+        yield
+
+
+@contextlib.contextmanager
+def cropped(scene: bpy.types.Scene, camera: Camera, window: tuple[slice, slice] | None) -> Iterator[None]:
+    """Render only some rows and columns of a camera's pictures for a while, or all of them."""
+    if window is None:
+        yield
+        return
+    width, height = camera.resolution
+    rows, columns = window
+    inside = 0.25  # of a pixel: Blender rounds down to whole ones, and its floats are short
+    border = {"border_min_x": (columns.start + inside) / width, "border_max_x": (columns.stop + inside) / width}
+    border |= {"border_min_y": (height - rows.stop + inside) / height}
+    border |= {"border_max_y": (height - rows.start + inside) / height}
+    with changed(scene.render, border | {"use_border": True, "use_crop_to_border": True}):
         yield
 
 

@@ -15,29 +15,36 @@ RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 
 
 def object_triangles(scene: bpy.types.Scene) -> NDArray[np.float64]:
-    """Return the corners (T, 3, 3) of the object's triangles, world space [m], modifiers and instances applied.
-
-    Not modelled: what a render shows but the viewport hides, and modifiers that differ between the two.
+    """Return the corners (T, 3, 3) of the object's triangles, see :func:`surfaces`.
 
     Raises
     ------
     LightsphereError
         When the scene shows no surface that is not marked as backdrop.
     """
+    found = surfaces(scene, backdrop=False)
+    if not len(found):
+        raise LightsphereError(f"the scene {scene.name!r} shows no surface; add the object to capture")
+    return found
+
+
+def surfaces(scene: bpy.types.Scene, backdrop: bool) -> NDArray[np.float64]:
+    """Return the corners (T, 3, 3) of a scene's triangles, world space [m], modifiers and instances applied.
+
+    Not modelled: what a render shows but the viewport hides, and modifiers that differ between the two.
+    """
     layer = scene.view_layers[0]
     layer.update()
-    found = []
+    found = [np.empty((0, 3, 3))]
     for instance in layer.depsgraph.object_instances:
         item = instance.object
-        if item.type not in RENDERED or item.hide_render or item.original.get(BACKDROP):
+        if item.type not in RENDERED or item.hide_render or (item.original.get(BACKDROP) and not backdrop):
             continue
         mesh = item.to_mesh()
         if mesh is None:
             continue
         found.append(_triangles(mesh, np.array(instance.matrix_world, np.float64)))
         item.to_mesh_clear()
-    if not any(len(part) for part in found):
-        raise LightsphereError(f"the scene {scene.name!r} shows no surface; add the object to capture")
     return np.concatenate(found)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,37 @@ def object_mask(scene: bpy.types.Scene, camera: Camera) -> NDArray[np.bool_]:
         return np.asarray(exr.read(Path(folder) / "mask.exr")["mask.V"] > 0.5)
 
 
+@dataclass(frozen=True)
+class FirstHits:
+    """What the pixels of a camera show.
+
+    Parameters
+    ----------
+    is_object : (H, W) bool
+        Whether a surface is hit that is not backdrop.
+    material : (H, W) int
+        Number of the material, 0 for none.
+    position : (H, W, 3) float32
+        In the world [m].
+    names : dict of int to str
+        Of the materials.
+    """
+
+    is_object: NDArray[np.bool_]
+    material: NDArray[np.int64]
+    position: NDArray[np.float32]
+    names: dict[int, str]
+
+
+def first_hits(scene: bpy.types.Scene, camera: Camera) -> FirstHits:
+    """Return what the pixels of a camera show, whatever shines in the scene."""
+    with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(scene):
+        passes = _render(scene, camera, Path(folder))
+    names = {number: material.name for material, number in _numbered(scene).items()}
+    material = passes["material"][..., 0].astype(np.int64)
+    return FirstHits(passes["object"][..., 0] == OBJECT_INDEX, material, passes["position"], names)
+
+
 def _depth(position: NDArray[Any], camera: Camera) -> NDArray[np.float64]:
     """Return the length of each pixel's ray; Blender's own depth is the distance from the camera's plane."""
     origins, directions = camera.rays()
@@ -92,12 +124,17 @@ def _render(scene: bpy.types.Scene, camera: Camera, folder: Path) -> dict[str, N
 
 @contextlib.contextmanager
 def _indices(scene: bpy.types.Scene) -> Iterator[None]:
-    """Number all objects by whether they are the object, and materials from 1 in the order of the scene's objects."""
-    slots = [slot.material for item in scene.objects for slot in item.material_slots if slot.material]
+    """Number all objects by whether they are the object, and all materials."""
     with contextlib.ExitStack() as stack:
         for item in bpy.data.objects:
             index = BACKDROP_INDEX if item.get(BACKDROP) else OBJECT_INDEX
             stack.enter_context(cycles.changed(item, {"pass_index": index}))
-        for number, material in enumerate(dict.fromkeys([*slots, *bpy.data.materials]), start=1):
+        for material, number in _numbered(scene).items():
             stack.enter_context(cycles.changed(material, {"pass_index": number}))
         yield
+
+
+def _numbered(scene: bpy.types.Scene) -> dict[bpy.types.Material, int]:
+    """Return all materials with their numbers, from 1 in the order of the scene's objects."""
+    slots = [slot.material for item in scene.objects for slot in item.material_slots if slot.material]
+    return {material: number for number, material in enumerate(dict.fromkeys([*slots, *bpy.data.materials]), start=1)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -35,6 +35,20 @@ def capture(
         figures.values["effects"] = made.notes["effects"]
         simulated = [effect["effect"] for effect in made.notes["effects"] if effect["simulated"]]
         figures.summary = f"{len(made)} pictures of {scene} with {', '.join(simulated)} in {output}"
+        if audit := made.notes.get("audit"):
+            figures.values["audit"] = audit
+            figures.summary += "; " + _audited(audit)
+
+
+def _audited(audit: dict[str, Any]) -> str:
+    """Say what the audit found."""
+    figure = f"{audit['error_pct']:.1f} ± {audit['uncertainty_pct']:.1f} % of {audit['group']}'s light"
+    if audit["held"]:
+        return f"the audit with everything on finds {figure} missing, of {audit['asked_pct']:g} % allowed"
+    return (
+        f"WARNING: the audit with everything on finds {figure} missing, more than the {audit['asked_pct']:g} % "
+        "allowed; capture again with --effects full or a smaller --error"
+    )
 
 
 def capture_worker(

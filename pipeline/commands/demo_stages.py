@@ -86,7 +86,7 @@ class Demo:
         pixels, lights = (s.resolution / 128) ** 2, (s.inner + s.outer) / 400
         rendering = (3 + 5 * pixels) * (1 if s.effects == "direct" else 20) * lights
         return [
-            Stage("plan", 6, {"plan": 1}, ("effects.json",), self._plan),
+            Stage("plan", 4, {"plan": 1}, ("effects.json",), self._plan),
             Stage("capture", rendering, {"plan": 0.1, "render": 0.9}, ("capture/capture.json",), self._capture),
             Stage("shape", 15 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
             Stage("material", 3, {"reflectance": 0.4}, ("asset.blend", "reflectance/reflectance.json"), self._material),
@@ -135,9 +135,9 @@ class Demo:
         from ..blender import capture, plan, scene
 
         loaded = scene.load(self.scene)
-        wanted = self._capture_settings()
+        wanted = PlanSettings(**dataclasses.asdict(self._capture_settings()) | {"effects": "auto"})
         described = capture.describe(loaded, self.scene, self.folder / "capture", wanted)
-        found = yield from plan.decide(loaded, described, "auto", wanted.samples, PlanSettings())
+        found = yield from plan.decide(loaded, described.lights, wanted)
         effects = [dataclasses.asdict(effect) for effect in found.effects]
         images.write_text(self.folder / "effects.json", json.dumps(effects, indent=1))
 
