@@ -86,7 +86,7 @@ class Demo:
         pixels, lights = (s.resolution / 128) ** 2, (s.inner + s.outer) / 400
         rendering = (3 + 5 * pixels) * (1 if s.effects == "direct" else 20) * lights
         return [
-            Stage("plan", 4, {"plan": 1}, ("effects.json",), self._plan),
+            Stage("plan", 5, {"plan": 1}, ("effects.json",), self._plan),
             Stage("capture", rendering, {"plan": 0.1, "render": 0.9}, ("capture/capture.json",), self._capture),
             Stage("shape", 15 * pixels * lights, {"warm up": 0.1, "try": 0.9}, ("shape/shape.json",), self._shape),
             Stage("material", 3, {"reflectance": 0.4}, ("asset.blend", "reflectance/reflectance.json"), self._material),
