@@ -30,7 +30,6 @@ def add_object(
         data.shade_smooth()
     data.materials.append(material)
     object = bpy.data.objects.new(name, data)
-    object.cycles.shadow_terminator_geometry_offset = 0.0
     scene.collection.objects.link(object)
     return object
 

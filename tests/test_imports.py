@@ -17,7 +17,7 @@ BLENDER = {"bpy", "bmesh", "mathutils", "bpy_extras", "OpenImageIO"}  # the last
 # Folder -> packages from outside that its files may import, folders of ours that they may reach.
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "pipeline/core": (NUMERIC, {"pipeline/core"}),
-    "pipeline/blender": (NUMERIC | BLENDER | {"rawpy"}, {"pipeline/core", "pipeline/blender"}),
+    "pipeline/blender": (NUMERIC | BLENDER | {"rawpy", "embreex"}, {"pipeline/core", "pipeline/blender"}),
     "pipeline/commands": (
         NUMERIC | {"bpy", "typer", "rich"},
         {"pipeline/core", "pipeline/blender", "pipeline/report", "pipeline/commands"},

@@ -122,3 +122,7 @@ UNKNOWN_STRENGTHS = 0.03
 # The photographs given back by lights, normals and tables, relative RMS: a table is a mean over azimuths, and at the
 # rim a lobe falls steeply.
 UNKNOWN_PICTURE = 0.08
+
+# Closed forms against Cycles: float32 in Cycles, and a few pixels where a shadow or a silhouette begins.
+CLOSED_FORM_PIXEL = 1e-4  # relative, at 99 of 100 lit pixels
+CLOSED_FORM_LIGHT = 5e-4  # light that differs, of all light

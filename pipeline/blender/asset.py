@@ -108,7 +108,6 @@ def add_relief(
         mesh = closed(mesh, shape)
     item = add_mesh(scene, name, mesh, None)
     mark(scene, item)
-    item.cycles.shadow_terminator_geometry_offset = 0.0  # its triangles are as small as pixels: nothing to hide
     return item, normal_map(item, shape, front)
 
 

@@ -20,7 +20,7 @@ from ..core.capture_settings import CaptureSettings, PlanSettings
 from ..core.errors import LightsphereError
 from ..core.journal import Journal
 from ..core.progress import Progress, Work
-from . import cycles, devices, geometry, lamps, plan, rig, truth, workers
+from . import closed_form, cycles, devices, geometry, lamps, plan, rig, truth, workers
 from .camera import camera_of
 from .plan.audit import audit
 
@@ -57,13 +57,17 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / FILE).is_file():
         started = _continued(scene, Capture.open(folder), started)
+        form = closed_form.of_capture(scene, started) if _without_cycles(started) else None
     else:
-        started = yield from _begun(scene, started, settings)
+        started, form = yield from _begun(scene, started, settings)
     journal = Journal(folder / JOURNAL)
     done = _intact(started, journal)
     try:
         _remove_partial_files(folder)  # of a killed run
-        yield from _render_all(scene, source, started, settings.workers, done, journal)
+        if form is not None:
+            yield from _make_all(form, started, done, journal)
+        else:
+            yield from _render_all(scene, source, started, settings.workers, done, journal)
     finally:
         _remove_partial_files(folder)  # of workers that were stopped
     finished = dataclasses.replace(started, checksums=tuple(done[name] for name in started.files))
@@ -123,16 +127,23 @@ def render_lights(scene: bpy.types.Scene, capture: Capture, lights: Iterable[int
             yield light
 
 
-def _begun(scene: bpy.types.Scene, started: Capture, settings: CaptureSettings) -> Work[Capture]:
-    """Write truth and description of a new capture, the description last."""
+def _begun(
+    scene: bpy.types.Scene, started: Capture, settings: CaptureSettings
+) -> Work[tuple[Capture, closed_form.ClosedForm | None]]:
+    """Write truth and description of a new capture, the description last.
+
+    Returns it, and what makes its pictures where Cycles need not.
+    """
     with cycles.own_lights_hidden(scene):
         truth.write(scene, started.camera, started.folder)
     decided = yield from plan.decide(scene, started.lights, PlanSettings(**dataclasses.asdict(settings)))
-    notes = started.notes | decided.as_notes()
+    planned = dataclasses.replace(started, notes=started.notes | decided.as_notes())
+    renderer, form = yield from closed_form.choose(scene, planned)
+    notes = planned.notes | {"renderer": dataclasses.asdict(renderer)}
     notes["sha256"] = {name: images.checksum(started.folder / name) for name in truth.FILES}
     begun = dataclasses.replace(started, notes=notes)
     begun.save()
-    return begun
+    return begun, form
 
 
 def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Capture:
@@ -174,6 +185,17 @@ def _intact(started: Capture, journal: Journal) -> dict[str, str]:
     return {name: recorded[name] * _is_intact(started.folder / name, recorded[name]) for name in started.files}
 
 
+def _without_cycles(started: Capture) -> bool:
+    return bool(started.notes.get("renderer", {}).get("name") == closed_form.CLOSED_FORM)
+
+
+def _make_all(form: closed_form.ClosedForm, started: Capture, done: dict[str, str], journal: Journal) -> Work[None]:
+    """Make the pictures not done without Cycles, noting each in ``done`` and the journal."""
+    pending = [i for i, name in enumerate(started.files) if not done[name]]
+    for light in closed_form.make(form, started, pending, _processor_cores()):
+        yield _note(started, light, images.checksum(started.folder / started.files[light]), done, journal)
+
+
 def _render_all(
     scene: bpy.types.Scene,
     source: str,
@@ -184,28 +206,28 @@ def _render_all(
 ) -> Work[None]:
     """Render the pictures not done, here and in workers, noting each in ``done`` and the journal."""
     pending = deque(i for i, name in enumerate(started.files) if not done[name])
-    total, processor_cores = len(started), _processor_cores()
+    processor_cores = _processor_cores()
     on_gpu = devices.chosen().is_gpu  # which one process keeps busy
     processes = max(1, min(processes or (1 if on_gpu else processor_cores), len(pending)))
     threads = max(1, processor_cores // processes)
     words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
     words += ["--device", "gpu" if on_gpu else "cpu"]
-
-    def note(light: int, checksum: str) -> Progress:
-        name = started.files[light]
-        journal.add(name, checksum)
-        done[name] = checksum
-        return Progress("render", sum(map(bool, done.values())), total, "pictures")
-
     with workers.Pool(processes - 1, words, pending) as pool:
         own = render_lights(scene, started, workers.taken(pending), threads)
         with contextlib.closing(own):
             for light in own:
-                yield note(light, images.checksum(started.folder / started.files[light]))
+                yield _note(started, light, images.checksum(started.folder / started.files[light]), done, journal)
                 for other, checksum in pool.finished():
-                    yield note(other, checksum)
+                    yield _note(started, other, checksum, done, journal)
         while not all(done.values()):
-            yield note(*pool.wait())
+            yield _note(started, *pool.wait(), done, journal)
+
+
+def _note(started: Capture, light: int, checksum: str, done: dict[str, str], journal: Journal) -> Progress:
+    name = started.files[light]
+    journal.add(name, checksum)
+    done[name] = checksum
+    return Progress("render", sum(map(bool, done.values())), len(started), "pictures")
 
 
 def _processor_cores() -> int:

@@ -5,9 +5,10 @@ The OpenEXR package that the solvers use clashes with the library inside a Blend
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +49,8 @@ def read_rgb(path: Path) -> NDArray[np.float32]:
     return np.stack([channels[letter] for letter in "RGB"], axis=-1)
 
 
-def write(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
-    """Write (H, W) arrays as float32 channels atomically; equal arrays make equal bytes.
+def write(path: Path, channels: Mapping[str, NDArray[Any]], pixel_type: str = "float") -> None:
+    """Write (H, W) arrays as channels of ``"float"`` or ``"half"`` atomically; equal arrays make equal bytes.
 
     Raises
     ------
@@ -59,7 +60,7 @@ def write(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
     oiio = openimageio()
     pixels = np.ascontiguousarray(np.stack(list(channels.values()), axis=-1), np.float32)
     height, width, count = pixels.shape
-    spec = oiio.ImageSpec(width, height, count, "float")
+    spec = oiio.ImageSpec(width, height, count, pixel_type)
     spec.channelnames = list(channels)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", NO_DATE)
@@ -71,6 +72,20 @@ def write(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
             f"{path} cannot be written ({file.geterror()}); free space or choose another folder, then run again"
         )
     partial.replace(path)
+
+
+@contextlib.contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Let every file be written by the thread that asks for it, for a while: threads of their own only wait."""
+    oiio = openimageio()
+    before = {name: oiio.get_int_attribute(name) for name in ("threads", "exr_threads")}
+    oiio.attribute("threads", 1)
+    oiio.attribute("exr_threads", -1)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            oiio.attribute(name, value)
 
 
 def write_png(path: Path, values: NDArray[Any]) -> None:

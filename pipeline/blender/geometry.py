@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +35,25 @@ def surfaces(scene: bpy.types.Scene, backdrop: bool) -> NDArray[np.float64]:
 
     Not modelled: what a render shows but the viewport hides, and modifiers that differ between the two.
     """
+    found = [corners(mesh, matrix) for _, mesh, matrix in meshes(scene, backdrop)]
+    return np.concatenate([np.empty((0, 3, 3)), *found])
+
+
+def meshes(
+    scene: bpy.types.Scene, backdrop: bool
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Mesh, NDArray[np.float64]]]:
+    """Yield every object that a render shows, evaluated, as a mesh that lives until the next, and its matrix."""
     layer = scene.view_layers[0]
     layer.update()
-    found = [np.empty((0, 3, 3))]
     for instance in layer.depsgraph.object_instances:
         item = instance.object
         if item.type not in RENDERED or item.hide_render or (item.original.get(BACKDROP) and not backdrop):
             continue
         mesh = item.to_mesh()
-        if mesh is None:
-            continue
-        found.append(_triangles(mesh, np.array(instance.matrix_world, np.float64)))
-        item.to_mesh_clear()
-    return np.concatenate(found)
+        if mesh is not None:
+            mesh.calc_loop_triangles()
+            yield item, mesh, np.array(instance.matrix_world, np.float64)
+            item.to_mesh_clear()
 
 
 def hide_object(scene: bpy.types.Scene) -> None:
@@ -73,8 +81,8 @@ def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]
         )
 
 
-def _triangles(mesh: bpy.types.Mesh, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    mesh.calc_loop_triangles()
+def corners(mesh: bpy.types.Mesh, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (T, 3, 3) of a mesh's triangles in the world."""
     index = np.empty(3 * len(mesh.loop_triangles), np.int32)
     mesh.loop_triangles.foreach_get("vertices", index)
     points = np.empty(3 * len(mesh.vertices), np.float32)

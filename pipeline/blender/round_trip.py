@@ -60,7 +60,6 @@ def round_trip(mixture: Mixture, brdfs: Sequence[Brdf]) -> Work[RoundTrip]:
     Progress per picture.
     """
     scene, item = ball_scene()
-    item.cycles.shadow_terminator_geometry_offset = 0.0
     camera, suns = ball_camera(SIDE), _suns()
     pictures, errors = [], []
     add_camera(scene, camera)

@@ -14,7 +14,7 @@ from ..core.camera import Camera
 from ..core.lights import Lights
 from ..core.progress import Progress, Work
 from ..core.shape import Shape
-from . import asset, cycles, devices, exr, lamps
+from . import asset, cycles, devices, exr, olat
 from .ball import dress
 from .camera import add_camera
 from .geometry import hide_object
@@ -81,18 +81,7 @@ def under_lights(
     """Render a scene under one light at a time as a capture does, (L, H, W, 3)."""
     add_camera(scene, camera)
     pictures = []
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        cycles.measuring(scene, camera, transport, seed),
-        cycles.openexr(scene),
-        cycles.own_lights_hidden(scene),
-        cycles.meshes_cached(scene),
-        lamps.lamp(scene, lights.kind) as lamp,
-    ):
-        path = Path(folder) / "light.exr"
-        for index in range(len(lights)):
-            lamps.shine(lamp, lights, index)
-            cycles.render(scene, path)
-            pictures.append(exr.read_rgb(path))
-            yield Progress("render", index + 1, len(lights), "pictures")
+    for picture in olat.pictures(scene, camera, transport, lights, range(len(lights)), seed):
+        pictures.append(picture)
+        yield Progress("render", len(pictures), len(lights), "pictures")
     return np.stack(pictures)

@@ -35,6 +35,9 @@ def capture(
         figures.values["effects"] = made.notes["effects"]
         simulated = [effect["effect"] for effect in made.notes["effects"] if effect["simulated"]]
         figures.summary = f"{len(made)} pictures of {scene} with {', '.join(simulated)} in {output}"
+        figures.values["renderer"] = made.notes.get("renderer")
+        if (renderer := made.notes.get("renderer", {})).get("name") == "closed form":
+            figures.summary += f"; in closed form, {renderer['differs_pct']:.2g} % of the light other than by Cycles"
         if audit := made.notes.get("audit"):
             figures.values["audit"] = audit
             figures.summary += "; " + _audited(audit)

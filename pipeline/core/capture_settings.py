@@ -31,6 +31,9 @@ class CaptureSettings:
     )
     simulate: str = setting("", f"simulated whatever it adds; with commas: {', '.join(SWITCHES)}")
     leave_out: str = setting("", "left out whatever it adds; names as above")
+    renderer: str = setting(
+        "auto", "what renders direct light, auto takes closed forms where they are exact", choices=("auto", "cycles")
+    )
     samples: int = setting(64, "samples a pixel where light bounces", low=1, high=1_000_000)
     seed: int = setting(0, "seed of the samples", low=0, high=2**31 - 1)
     pixel_type: str = setting("float", "numbers in the pictures", choices=("float", "half"))

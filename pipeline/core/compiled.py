@@ -33,5 +33,5 @@ numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
 # Sums may be reordered and fused; infinities and NaN keep their meaning, solvers use them.
 _ALLOWED = {"contract", "reassoc", "arcp", "nsz", "afn"}
 
-kernel: Any = njit(cache=True, fastmath=_ALLOWED, error_model="numpy")
+kernel: Any = njit(cache=True, nogil=True, fastmath=_ALLOWED, error_model="numpy")
 parallel_kernel: Any = njit(cache=True, fastmath=_ALLOWED, error_model="numpy", parallel=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from . import direct_light as direct
 from . import images
 from .camera import Camera
 from .capture import Capture
@@ -25,9 +26,11 @@ from .rig import sphere
 from .shape.double_sphere import recover
 from .shape.photometric import recover as photometric
 from .shape.settings import OBJECTIVES, ShapeSettings
+from .shape.uncalibrated import recover as uncalibrated
 
 SIZE = 12
 LIGHTS = (60, 30)
+PHOTOGRAPHS = 12  # under lights that are not known
 
 
 def main() -> None:
@@ -45,10 +48,28 @@ def main() -> None:
                 distant, dataclasses.replace(ShapeSettings(), method="acls", start="symmetry", held_out=10)
             )
         )
+        facing = capture.select(np.argsort(capture.lights.position[: LIGHTS[0], 2])[-PHOTOGRAPHS:])
+        nowhere = dataclasses.replace(facing.lights, kind="unknown", position=0 * facing.lights.position)
+        photographs = dataclasses.replace(facing, lights=nowhere)
+        finish(uncalibrated.recover(photographs, dataclasses.replace(ShapeSettings(), method="uncalibrated")))
         finish(fit(shape, capture, ReflectanceSettings()))
+        light_a_point()
         for interpolation in INTERPOLATIONS:
             prepared = finish(prepare(capture, shape, RelightSettings(interpolation=interpolation)))
             finish(relit(prepared, [point([1.0, 2.0, 1.5], [1.0] * 3)]))
+
+
+def light_a_point() -> None:
+    """Light one point, from above."""
+    one, up = np.ones((1, 1)), np.array([[0.0, 0.0, 1.0]])
+    lobe = direct.Lobes(
+        np.array([[direct.GGX]], np.int8), np.zeros((1, 1), np.int8), one[..., None].repeat(3, -1), up[None], one,
+        one[..., None].repeat(3, -1), one,
+    )  # fmt: skip
+    surface = direct.Surface(0 * up, up, up, up, 0 * up, one[0], lobe)
+    lights = Lights("near", up, up, np.zeros(1, np.int64))
+    direct.radiance(surface, lights, 0, 0.0, lambda rays: np.zeros(len(rays.start), bool))
+    direct.white(lobe, up, up)
 
 
 def drawn(folder: Path) -> Capture:

@@ -7,6 +7,7 @@ set up. The bar is 85 % at 128x128 with two workers.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 import os
 import sys
@@ -31,6 +32,7 @@ def main() -> None:
     pictures: int = parser.parse_args().pictures
     inner = pictures * 4 // 5
     settings = CaptureSettings(inner=inner, outer=pictures - inner, resolution=RESOLUTION, effects="direct", workers=2)
+    settings = dataclasses.replace(settings, renderer="cycles")
     side = round(RESOLUTION * math.sqrt(pictures))
     with tempfile.TemporaryDirectory() as folder:
         small = _capture(Path(folder), settings)

@@ -39,7 +39,6 @@ def ball(node_type: str, inputs: dict[str, object], **attributes: object) -> bpy
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=1)
     item = bpy.context.object
     item.data.shade_smooth()
-    item.cycles.shadow_terminator_geometry_offset = 0.0
     item.data.materials.append(material("Ball", node_type, inputs, **attributes))
     aim(scene, (0.0, -7.0, 2.0), 0.31)
     return scene

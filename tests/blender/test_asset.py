@@ -64,8 +64,7 @@ def predicted(shape: Shape, reflectance: Reflectance, index: int) -> NDArray[np.
 
 
 def rendered(scene: bpy.types.Scene, shape: Shape, reflectance: Reflectance, index: int) -> NDArray[np.float32]:
-    item = views.exchange(scene, shape, reflectance)
-    item.cycles.shadow_terminator_geometry_offset = 0.0
+    views.exchange(scene, shape, reflectance)
     lamps = synthetic.lights().select(np.array([index]))
     return finish(views.under_lights(scene, shape.camera, lamps))[0]
 

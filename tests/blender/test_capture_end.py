@@ -19,6 +19,7 @@ resource = pytest.importorskip("resource")  # limits and signals are POSIX
 
 ROOT = Path(__file__).parents[2]
 WORDS = ("--inner", "40", "--outer", "10", "--resolution", "32", "--effects", "direct", "--workers", "2")
+WORDS += ("--renderer", "cycles")  # in processes
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:

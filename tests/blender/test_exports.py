@@ -47,7 +47,6 @@ def constant(parameters: Parameters) -> Principled:
 )
 def test_cycles_renders_the_principled_as_foreseen(parameters: Parameters) -> None:
     scene, item = ball_scene()
-    item.cycles.shadow_terminator_geometry_offset = 0.0
     camera = ball_camera(48)
     add_camera(scene, camera)
     sun = Lights("distant", np.array([[0.5, -0.8, 0.33]]), np.ones((1, 3)), np.zeros(1, int))

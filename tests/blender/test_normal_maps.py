@@ -51,7 +51,6 @@ def wavy() -> Shape:
 def shown(scene: bpy.types.Scene, shape: Shape, item: bpy.types.Object, normals: Any) -> NDArray[np.float64]:
     """What Cycles shades: n.l under one sun, by a white diffuse surface of radiance n.l / pi."""
     dress(item, mixture_material("white", WHITE, normals))
-    item.cycles.shadow_terminator_geometry_offset = 0.0
     return np.asarray(finish(views.under_lights(scene, shape.camera, SUN))[0][..., 0] * np.pi, np.float64)
 
 

@@ -51,7 +51,6 @@ def painted() -> bpy.types.Scene:
     item = bpy.context.object
     item.name, item.rotation_euler = "Painted", (0.3, 0.2, 0.4)
     item.data.shade_smooth()
-    item.cycles.shadow_terminator_geometry_offset = 0.0
     material = bpy.data.materials.new("Paint")
     if bpy.app.version < (5, 0):
         material.use_nodes = True

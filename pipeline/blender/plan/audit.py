@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ...core.capture import Capture
 from ...core.progress import Progress, Work
 from .. import cycles, truth
+from ..olat import pictures
 from .contents import ruled_out
 from .decide import MOST_BOUNCES
 from .effects import DEPTH_OF_FIELD, MOTION_BLUR, SWITCHES
-from .probe import pictures
 
 LIGHTS = 6  # a third of a picture's cost, all together, where pictures have 64 samples
 SIDE = 1 / 6  # of the picture, the side of the window that is rendered
@@ -37,7 +37,7 @@ class Audit:
     error_pct, uncertainty_pct : float
         By how much its light is, and the standard deviation of that [%].
     asked_pct : float
-    lights : tuple of int
+    lights : list of int
         That were tried, drawn at random.
     pixels : int
         Of the object, counted once for each light.
@@ -48,7 +48,7 @@ class Audit:
     error_pct: float
     uncertainty_pct: float
     asked_pct: float
-    lights: tuple[int, ...]
+    lights: list[int]
     pixels: int
 
 
@@ -81,11 +81,11 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
     asked = settings["error"] / 100
     held = all(error <= asked + CERTAIN * deviation for error, deviation in errors.values())
     if not errors:
-        return Audit(True, "", 0.0, 0.0, settings["error"], (), 0)
+        return Audit(True, "", 0.0, 0.0, settings["error"], [], 0)
     worst = max(errors, key=lambda number: errors[number][0])
     error, deviation = (round(100 * value, 4) for value in errors[worst])
     pixels = sum(int((part[0] > 0).sum()) for part in parts.values())
-    return Audit(held, hits.names[worst], error, deviation, settings["error"], tuple(parts), pixels)
+    return Audit(held, hits.names[worst], error, deviation, settings["error"], list(parts), pixels)
 
 
 def _window(shown: NDArray[np.bool_], rng: np.random.Generator) -> tuple[slice, slice]:

@@ -6,12 +6,8 @@ surface.
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
 import time
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -22,8 +18,9 @@ from ...core.capture_settings import PlanSettings
 from ...core.lights import Lights
 from ...core.progress import Progress, Work
 from ...core.tradeoff import evenly
-from .. import cycles, exr, lamps, truth
+from .. import cycles, truth
 from ..camera import camera_of
+from ..olat import pictures
 
 SMALLEST = 1e-300
 SEEDS = (7919, 104729)  # of a trial's two halves; a capture's own seed is another
@@ -88,44 +85,6 @@ class Difference:
         return self.share + self.deviation
 
 
-def pictures(
-    scene: bpy.types.Scene,
-    camera: Camera,
-    transport: cycles.Transport,
-    lights: Lights | None,
-    chosen: Iterable[int],
-    seed: int,
-    shadows: bool = True,
-    window: tuple[slice, slice] | None = None,
-) -> Iterator[NDArray[np.float64]]:
-    """Render a scene under one light after another, or once under its own light; yield each (H, W, 3).
-
-    ``window`` are the rows and columns that are rendered; the others are left out of the pictures.
-    """
-    world = scene.world
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        cycles.measuring(scene, camera, transport, seed),
-        cycles.cropped(scene, camera, window),
-        cycles.openexr(scene),
-        cycles.meshes_cached(scene),
-        contextlib.ExitStack() as stack,
-    ):
-        path = Path(folder) / "probe.exr"
-        if lights is None:
-            stack.enter_context(cycles.changed(scene, {"world": world}))
-            cycles.render(scene, path)
-            yield exr.read_rgb(path).astype(np.float64)
-            return
-        stack.enter_context(cycles.own_lights_hidden(scene))
-        lamp = stack.enter_context(lamps.lamp(scene, lights.kind))
-        lamp.data.use_shadow = shadows
-        for index in chosen:
-            lamps.shine(lamp, lights, int(index))
-            cycles.render(scene, path)
-            yield exr.read_rgb(path).astype(np.float64)
-
-
 def differences(whole: Trial, part: Trial, groups: Groups) -> list[Difference]:
     """Return how far a part of the light is from the whole, in every group that some light reaches.
 
@@ -183,7 +142,7 @@ class Probe:
             start = time.perf_counter()
             found = []
             for picture in pictures(self._scene, self._camera, transport, self._lights, self._index, seed, shadows):
-                found.append(picture)
+                found.append(picture.astype(np.float64))
                 times.append(time.perf_counter() - start)
                 start = time.perf_counter()
             halves.append(np.stack(found))
