@@ -25,6 +25,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 CONTENT = ("__init__.py", "LICENSE", "blender_addon", "pipeline", "scenes")
 OF_BLENDER = ("bpy", "numpy")  # Blender brings its own
+# Its wheels want a newer macOS than the oldest that Blender runs on; without it Cycles renders everything.
+NOT_FOR = {"macos-arm64": ("embreex",)}
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ def this_platform() -> str:
 def requirements(line: str, name: str) -> list[str]:
     """Return what the extension needs, as pip reads it: the dependencies of the project without Blender's own."""
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
-    needed = [d for d in declared if not d.startswith(OF_BLENDER)]
+    needed = [d for d in declared if not d.startswith(OF_BLENDER + NOT_FOR.get(name, ()))]
     needed.append(f"numpy=={LINES[line].numpy}")  # so that wheels are chosen that work with Blender's
     if name.startswith("windows"):
         needed.append("colorama")  # typer's on Windows only, which pip does not see from elsewhere
