@@ -55,17 +55,17 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
     """
     started = describe(scene, source, folder, settings)
     folder.mkdir(parents=True, exist_ok=True)
+    form = None
     if (folder / FILE).is_file():
         started = _continued(scene, Capture.open(folder), started)
-        form = closed_form.of_capture(scene, started) if _without_cycles(started) else None
     else:
         started, form = yield from _begun(scene, started, settings)
     journal = Journal(folder / JOURNAL)
     done = _intact(started, journal)
     try:
         _remove_partial_files(folder)  # of a killed run
-        if form is not None:
-            yield from _make_all(form, started, done, journal)
+        if _without_cycles(started):
+            yield from _make_all(scene, form, started, done, journal)
         else:
             yield from _render_all(scene, source, started, settings.workers, done, journal)
     finally:
@@ -189,9 +189,18 @@ def _without_cycles(started: Capture) -> bool:
     return bool(started.notes.get("renderer", {}).get("name") == closed_form.CLOSED_FORM)
 
 
-def _make_all(form: closed_form.ClosedForm, started: Capture, done: dict[str, str], journal: Journal) -> Work[None]:
+def _make_all(
+    scene: bpy.types.Scene,
+    form: closed_form.ClosedForm | None,
+    started: Capture,
+    done: dict[str, str],
+    journal: Journal,
+) -> Work[None]:
     """Make the pictures not done without Cycles, noting each in ``done`` and the journal."""
     pending = [i for i, name in enumerate(started.files) if not done[name]]
+    if not pending:
+        return
+    form = form or closed_form.again(scene, started)
     for light in closed_form.make(form, started, pending, _processor_cores()):
         yield _note(started, light, images.checksum(started.folder / started.files[light]), done, journal)
 

@@ -16,6 +16,7 @@ from pipeline.blender.closed_form import capture as choosing
 from pipeline.blender.olat import pictures
 from pipeline.core.capture import Capture
 from pipeline.core.capture_settings import CaptureSettings
+from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
 from tests.blender import small_scenes
@@ -223,6 +224,24 @@ def test_stopped_capture_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     resumed = finish(capture.capture(scenes.load("steps"), "steps", tmp_path / "stopped", settings))
     assert resumed.checksums == whole.checksums
     assert not list((tmp_path / "stopped").glob(".*.part"))
+
+
+def test_capture_that_cannot_go_on_without_cycles_says_so(tmp_path: Path) -> None:
+    settings = CaptureSettings(inner=24, outer=8, resolution=24, effects="direct")
+    made = finish(capture.capture(scenes.load("steps"), "steps", tmp_path, settings))
+    (tmp_path / made.files[3]).unlink()
+    scene = scenes.load("steps")
+    scene.objects[0].visible_shadow = False
+    with pytest.raises(LightsphereError, match="made without Cycles, which now has to render, for the object"):
+        finish(capture.capture(scene, "steps", tmp_path, settings))
+
+
+def test_surface_without_closures_is_black() -> None:
+    scene = small_scenes.ball("ShaderNodeBsdfDiffuse", {})
+    tree = bpy.data.materials["Ball"].node_tree
+    tree.links.remove(tree.links[0])
+    rendered, made = both(scene, side=16)
+    assert rendered.max() == made.max() == 0
 
 
 def test_cycles_renders_where_both_disagree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,6 +105,14 @@ def test_effects_follow_from_the_closures(node: str, inputs: dict[str, object], 
     assert of_material - set(contents.ruled_out(scene)) == present
 
 
+def test_light_below_the_surface_leaves_it_elsewhere() -> None:
+    scene = small_scenes.lambert(0.8)
+    assert "diffuse interreflection" in contents.ruled_out(scene)
+    ball = next(item for item in scene.objects if item.type == "MESH")
+    ball.data.materials[0] = small_scenes.material("Wax", "ShaderNodeSubsurfaceScattering", {})
+    assert "diffuse interreflection" not in contents.ruled_out(scene)
+
+
 def test_lens_and_motion_count_where_the_scene_has_them() -> None:
     scene = small_scenes.lambert(0.8)
     scene.camera.data.dof.use_dof = scene.render.use_motion_blur = True

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...core.capture import Capture
+from ...core.errors import LightsphereError
 from ...core.progress import Progress, Work
 from .. import cycles, exr
 from ..olat import pictures
@@ -58,7 +59,7 @@ def choose(scene: bpy.types.Scene, capture: Capture) -> Work[tuple[Renderer, Clo
     if len(capture) < FEWEST:
         return Renderer(CYCLES, f"fewer than {FEWEST} pictures"), None
     try:
-        form = of_capture(scene, capture)
+        form = prepare(scene, capture.camera, settings["seed"])
     except Inexact as reason:
         return Renderer(CYCLES, str(reason)), None
     chosen = list(map(int, np.random.default_rng(settings["seed"]).choice(len(capture), CHECKED, replace=False)))
@@ -75,9 +76,15 @@ def choose(scene: bpy.types.Scene, capture: Capture) -> Work[tuple[Renderer, Clo
     return Renderer(CLOSED_FORM, "", chosen, round(100 * share, 6)), form
 
 
-def of_capture(scene: bpy.types.Scene, capture: Capture) -> ClosedForm:
-    """Read what a capture shows; raise Inexact where closed forms would not do."""
-    return prepare(scene, capture.camera, capture.notes["settings"]["seed"])
+def again(scene: bpy.types.Scene, capture: Capture) -> ClosedForm:
+    """Read what a capture shows that was begun without Cycles; raise LightsphereError where it needs Cycles now."""
+    try:
+        return prepare(scene, capture.camera, capture.notes["settings"]["seed"])
+    except Inexact as reason:
+        raise LightsphereError(
+            f"{capture.folder} holds pictures that were made without Cycles, which now has to render, for {reason}; "
+            "choose another folder or delete it"
+        ) from reason
 
 
 def make(form: ClosedForm, capture: Capture, lights: Iterable[int], threads: int) -> Iterator[int]:

@@ -47,7 +47,7 @@ def surface(
     materials = _materials(scene)
     made_of = [closures(material) for material in materials]
     layers = []
-    for number in range(max(map(len, made_of))):
+    for number in range(max([1, *map(len, made_of)])):
         shown = [parts[number] if number < len(parts) else None for parts in made_of]
         layers.append((shown, _passes(scene, camera, dict(zip(materials, shown, strict=True)), seed)))
     first = layers[0][1]
@@ -198,15 +198,7 @@ def _write(tree: bpy.types.NodeTree, name: str, value: Any) -> None:
     """Send what a socket gives or takes, or a number, to one of our passes."""
     node = tree.nodes.new("ShaderNodeOutputAOV")
     node.aov_name = PREFIX + name
-    target = node.inputs["Color" if OURS[name] else "Value"]
-    if isinstance(value, float):
-        target.default_value = value
-    elif value.is_output:
-        tree.links.new(value, target)
-    elif value.is_linked:
-        tree.links.new(value.links[0].from_socket, target)
-    else:
-        target.default_value = value.default_value
+    _feed(tree, value, node.inputs["Color" if OURS[name] else "Value"])
 
 
 def _share(tree: bpy.types.NodeTree, closure: Closure) -> Any:
@@ -224,15 +216,20 @@ def _calculate(tree: bpy.types.NodeTree, operation: str, *values: Any) -> bpy.ty
     node = tree.nodes.new("ShaderNodeMath")
     node.operation, node.use_clamp = operation, True
     for target, value in zip(node.inputs, values, strict=False):
-        if isinstance(value, float):
-            target.default_value = value
-        elif value.is_output:
-            tree.links.new(value, target)
-        elif value.is_linked:
-            tree.links.new(value.links[0].from_socket, target)
-        else:
-            target.default_value = value.default_value
+        _feed(tree, value, target)
     return node.outputs[0]
+
+
+def _feed(tree: bpy.types.NodeTree, value: Any, target: bpy.types.NodeSocket) -> None:
+    """Give a socket what another gives or takes, or a number."""
+    if isinstance(value, float):
+        target.default_value = value
+    elif value.is_output:
+        tree.links.new(value, target)
+    elif value.is_linked:
+        tree.links.new(value.links[0].from_socket, target)
+    else:
+        target.default_value = value.default_value
 
 
 def _lobes(

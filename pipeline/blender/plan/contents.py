@@ -74,7 +74,7 @@ def ruled_out(scene: bpy.types.Scene) -> dict[str, str]:
         found[MOTION_BLUR] = "not switched on in the scene"
     elif not any(_may_move(item) for item in scene.objects):
         found[MOTION_BLUR] = "nothing moves"
-    if TRANSMISSION in found and _faces_nothing(scene):
+    if {TRANSMISSION, SUBSURFACE, VOLUMES} <= found.keys() and _faces_nothing(scene):
         found |= dict.fromkeys((SHADOWS, DIFFUSE, GLOSSY, CAUSTICS), "no surface faces another")
     return found
 
