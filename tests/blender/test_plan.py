@@ -113,6 +113,30 @@ def test_light_below_the_surface_leaves_it_elsewhere() -> None:
     assert "diffuse interreflection" not in contents.ruled_out(scene)
 
 
+def test_instances_hair_and_smoke_count() -> None:
+    import bpy
+
+    scene = small_scenes.lambert(0.8)
+    hair = bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair"))
+    scene.collection.objects.link(hair)
+    assert "diffuse interreflection" not in contents.ruled_out(scene)
+    bpy.data.objects.remove(hair)
+    assert {"diffuse interreflection", "volumes", "transmission"} <= contents.ruled_out(scene).keys()
+    smoke = bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke"))
+    scene.collection.objects.link(smoke)
+    assert "volumes" not in contents.ruled_out(scene)
+    bpy.data.objects.remove(smoke)
+    ball = next(item for item in scene.objects if item.type == "MESH")
+    glass = bpy.data.objects.new("Glass", ball.data.copy())
+    glass.data.materials[0] = small_scenes.material("Glass", "ShaderNodeBsdfGlass", {})
+    away = bpy.data.collections.new("Away")
+    away.objects.link(glass)
+    holder = bpy.data.objects.new("Holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", away
+    scene.collection.objects.link(holder)
+    assert "transmission" not in contents.ruled_out(scene)
+
+
 def test_lens_and_motion_count_where_the_scene_has_them() -> None:
     scene = small_scenes.lambert(0.8)
     scene.camera.data.dof.use_dof = scene.render.use_motion_blur = True

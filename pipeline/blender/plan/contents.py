@@ -41,6 +41,7 @@ CLOSURES: dict[str, frozenset[str]] = {
     "MIX_SHADER": frozenset(),
     "ADD_SHADER": frozenset(),
 }
+NO_SURFACE = ("CURVES", "POINTCLOUD", "VOLUME")
 ANYTHING = frozenset({DIFFUSE, GLOSSY, TRANSMISSION, SUBSURFACE, EMISSION})
 FLAT = 1e-6  # of the extent: to float32 coordinates, points this close are one and lie in one plane
 SMALLEST_DENT = 1e-5  # of volume and area
@@ -52,7 +53,9 @@ def ruled_out(scene: bpy.types.Scene) -> dict[str, str]:
     Interreflection is ruled out where no point of any surface faces another: one closed convex body, or surfaces in
     one plane. Closures are taken as present wherever a shader reaches them, whatever their weight.
     """
-    materials = _materials(scene)
+    objects = _shown(scene)
+    kinds = {item.type for item in objects}
+    materials = _materials(objects)
     shown = frozenset().union(*(_of_material(one) for one in materials)) if materials else frozenset({DIFFUSE})
     missing = {
         DIFFUSE: "no diffuse material",
@@ -62,7 +65,7 @@ def ruled_out(scene: bpy.types.Scene) -> dict[str, str]:
         EMISSION: "nothing shines but lights",
     }
     found = {name: reason for name, reason in missing.items() if name not in shown}
-    if not any(_shader(one, "Volume") for one in materials):
+    if "VOLUME" not in kinds and not any(_shader(one, "Volume") for one in materials):
         found[VOLUMES] = "no volume"
     if not shown & {GLOSSY, TRANSMISSION}:
         found[CAUSTICS] = "nothing glossy or transparent"
@@ -74,16 +77,29 @@ def ruled_out(scene: bpy.types.Scene) -> dict[str, str]:
         found[MOTION_BLUR] = "not switched on in the scene"
     elif not any(_may_move(item) for item in scene.objects):
         found[MOTION_BLUR] = "nothing moves"
-    if {TRANSMISSION, SUBSURFACE, VOLUMES} <= found.keys() and _faces_nothing(scene):
+    inside = {TRANSMISSION, SUBSURFACE, VOLUMES}
+    if inside <= found.keys() and not kinds & set(NO_SURFACE) and _faces_nothing(scene):
         found |= dict.fromkeys((SHADOWS, DIFFUSE, GLOSSY, CAUSTICS), "no surface faces another")
     return found
 
 
-def _materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
-    shown = [item for item in scene.objects if item.type in RENDERED and not item.hide_render]
-    instances = [item.instance_collection for item in scene.objects if item.instance_collection]
-    shown += [part for one in instances for part in one.all_objects]
-    return list(dict.fromkeys(slot.material for item in shown for slot in item.material_slots if slot.material))
+def _shown(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the evaluated objects and instances that a render shows."""
+    layer = scene.view_layers[0]
+    layer.update()
+    kinds = (*RENDERED, *NO_SURFACE)
+    return [
+        instance.object
+        for instance in layer.depsgraph.object_instances
+        if instance.object.type in kinds and not instance.object.hide_render
+    ]
+
+
+def _materials(shown: list[bpy.types.Object]) -> list[bpy.types.Material]:
+    """Return the materials of evaluated objects, those that modifiers set, too."""
+    found = [slot.material for item in shown for slot in item.material_slots]
+    found += [material for item in shown for material in item.data.materials]
+    return list(dict.fromkeys(material.original for material in found if material))
 
 
 def _of_material(material: bpy.types.Material) -> frozenset[str]:
