@@ -117,6 +117,7 @@ def test_a_picture_is_predicted_by_what_was_recovered(ball: Recovered) -> None:
     assert min(error(k, (k + 1) % COUNT) for k in range(COUNT)) > 2 * tolerances.UNKNOWN_PICTURE
 
 
+@pytest.mark.slow
 def test_coloured_lamps_change_nothing_but_their_colour() -> None:
     lights = lamps()
     tint = 1 + 0.3 * np.sin(np.arange(3 * COUNT).reshape(COUNT, 3))
@@ -128,11 +129,13 @@ def test_coloured_lamps_change_nothing_but_their_colour() -> None:
     assert np.std(np.log(ratio / ratio.mean(axis=1, keepdims=True))) < tolerances.UNKNOWN_STRENGTHS
 
 
+@pytest.mark.slow
 def test_matt_object_ends_well_and_says_so() -> None:
     found = solved(photographed(view(40), lamps(), gloss=0.0), strengths="equal")
     assert any("no highlights" in doubt for doubt in found.doubts)
 
 
+@pytest.mark.slow
 def test_lamps_in_one_small_cone_are_told() -> None:
     found = solved(photographed(view(40), lamps(cone=6.0)))
     assert any("small cone" in doubt for doubt in found.doubts)
