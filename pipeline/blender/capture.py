@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from ..core.capture_settings import CaptureSettings, PlanSettings
 from ..core.errors import LightsphereError
 from ..core.journal import Journal
 from ..core.progress import Progress, Work
-from . import closed_form, cycles, devices, geometry, lamps, plan, rig, truth, workers
+from . import closed_form, cycles, devices, geometry, olat, plan, rig, truth, workers
 from .camera import camera_of
 from .plan.audit import audit
 
@@ -108,23 +107,6 @@ def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: Captur
     digits = max(4, len(str(len(lights) - 1)))
     files = tuple(f"light_{i:0{digits}d}.exr" for i in range(len(lights)))
     return Capture(folder, camera, lights, files, ("",) * len(files), notes)
-
-
-def render_lights(scene: bpy.types.Scene, capture: Capture, lights: Iterable[int], threads: int) -> Iterator[int]:
-    """Render the pictures of some lights of a described capture; yield each light when its picture is on disk."""
-    settings = capture.notes["settings"]
-    transport = cycles.Transport(**capture.notes["transport"])
-    with (
-        cycles.measuring(scene, capture.camera, transport, settings["seed"], threads),
-        cycles.openexr(scene, pixel_type=settings["pixel_type"]),
-        cycles.own_lights_hidden(scene),
-        cycles.meshes_cached(scene),
-        lamps.lamp(scene, capture.lights.kind) as lamp,
-    ):
-        for light in lights:
-            lamps.shine(lamp, capture.lights, light)
-            cycles.render(scene, capture.folder / capture.files[light])
-            yield light
 
 
 def _begun(
@@ -222,7 +204,7 @@ def _render_all(
     words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
     words += ["--device", "gpu" if on_gpu else "cpu"]
     with workers.Pool(processes - 1, words, pending) as pool:
-        own = render_lights(scene, started, workers.taken(pending), threads)
+        own = olat.render_lights(scene, started, workers.taken(pending), threads)
         with contextlib.closing(own):
             for light in own:
                 yield _note(started, light, images.checksum(started.folder / started.files[light]), done, journal)

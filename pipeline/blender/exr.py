@@ -118,7 +118,7 @@ def finish(path: Path) -> None:
 
     Blender writes into the header how long the render took, and says nothing when the disk is full. The digits of
     every ``*_time`` attribute become zeros; the attribute keeps its length, since what follows is addressed by file
-    offsets. A multipart file is left as it is. Source: "OpenEXR File Layout".
+    offsets. A multipart file is only read. Source: "OpenEXR File Layout".
 
     Raises
     ------
@@ -130,6 +130,7 @@ def finish(path: Path) -> None:
         if header[:4] != MAGIC:
             raise OSError("the file is empty")
         if struct.unpack_from("<I", header, 4)[0] & MULTIPART:
+            _check_parts(path)
             return
         attributes, end = _attributes(header)
         for name, (start, size) in attributes.items():
@@ -145,6 +146,13 @@ def finish(path: Path) -> None:
         (size,) = struct.unpack("<i", file.read(4))
         if offset == 0 or offset + 8 + size != path.stat().st_size:
             raise OSError("the end of the file is missing")
+
+
+def _check_parts(path: Path) -> None:
+    try:
+        read(path)
+    except LightsphereError as error:
+        raise OSError("the end of the file is missing") from error
 
 
 def _attributes(header: bytes) -> tuple[dict[bytes, tuple[int, int]], int]:

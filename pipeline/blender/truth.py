@@ -93,7 +93,7 @@ def first_hits(scene: bpy.types.Scene, camera: Camera) -> FirstHits:
     """Return what the pixels of a camera show, whatever shines in the scene."""
     with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(scene):
         passes = _render(scene, camera, Path(folder))
-    names = {number: material.name for material, number in _numbered(scene).items()}
+    names = {number: material.name for material, number in numbered(scene).items()}
     material = passes["material"][..., 0].astype(np.int64)
     return FirstHits(passes["object"][..., 0] == OBJECT_INDEX, material, passes["position"], names)
 
@@ -129,12 +129,12 @@ def _indices(scene: bpy.types.Scene) -> Iterator[None]:
         for item in bpy.data.objects:
             index = BACKDROP_INDEX if item.get(BACKDROP) else OBJECT_INDEX
             stack.enter_context(cycles.changed(item, {"pass_index": index}))
-        for material, number in _numbered(scene).items():
+        for material, number in numbered(scene).items():
             stack.enter_context(cycles.changed(material, {"pass_index": number}))
         yield
 
 
-def _numbered(scene: bpy.types.Scene) -> dict[bpy.types.Material, int]:
+def numbered(scene: bpy.types.Scene) -> dict[bpy.types.Material, int]:
     """Return all materials with their numbers, from 1 in the order of the scene's objects."""
     slots = [slot.material for item in scene.objects for slot in item.material_slots if slot.material]
     return {material: number for number, material in enumerate(dict.fromkeys([*slots, *bpy.data.materials]), start=1)}

@@ -61,7 +61,7 @@ def capture_worker(
     device: Device = "cpu",
 ) -> None:
     """Render the pictures whose numbers arrive on standard input; answer each with its checksum."""
-    from ..blender import capture as blender
+    from ..blender import olat
     from ..blender import scene as scenes
     from ..core import images
     from ..core.capture import Capture
@@ -72,7 +72,7 @@ def capture_worker(
         begun = Capture.open(folder)
         loaded = scenes.load(scene)
         print("ready", flush=True)
-        for light in blender.render_lights(loaded, begun, lights, threads):
+        for light in olat.render_lights(loaded, begun, lights, threads):
             print("picture", light, images.checksum(folder / begun.files[light]), flush=True)
     except LightsphereError as error:
         print("error", error, flush=True)

@@ -106,6 +106,17 @@ def test_full_disk_names_the_picture_and_keeps_the_others(tmp_path: Path, undist
     assert bytes_of(tmp_path) == {name: content for name, content in undisturbed.items() if name != missing}
 
 
+def test_full_disk_at_the_start_says_so_and_leaves_nothing(tmp_path: Path) -> None:
+    def little_space() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
+
+    process = started(tmp_path, preexec_fn=little_space)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2, err
+    assert "cannot be written" in err and "free space" in err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("changed", "said"),
     [

@@ -12,8 +12,9 @@ import pytest
 from pipeline import cli
 from pipeline.blender import capture, cycles, plan
 from pipeline.blender import scene as scenes
+from pipeline.blender.olat import pictures
 from pipeline.blender.plan import contents, effects
-from pipeline.blender.plan.probe import Groups, Trial, differences, pictures
+from pipeline.blender.plan.probe import Groups, Trial, differences
 from pipeline.core.capture import Capture
 from pipeline.core.capture_settings import CaptureSettings, PlanSettings
 from pipeline.core.errors import LightsphereError

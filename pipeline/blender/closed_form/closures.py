@@ -20,6 +20,7 @@ PLAIN = {
     "Coat Weight": 0.0,
     "Sheen Weight": 0.0,
     "Thin Film Thickness": 0.0,
+    "Emission Strength": 0.0,
 }
 
 
@@ -107,8 +108,6 @@ def _of_node(
         return
     for name, value in PLAIN.items():
         demand(name, value)
-    if node.inputs["Emission Strength"].is_linked or node.inputs["Emission Strength"].default_value:
-        demand("Emission Strength", 0.0)
     if node.inputs["Specular Tint"].is_linked or tuple(node.inputs["Specular Tint"].default_value[:3]) != (1, 1, 1):
         raise Inexact(f"Specular Tint of {node.label or node.name} in the material {material.name}")
     if node.inputs["Metallic"].default_value == 1:

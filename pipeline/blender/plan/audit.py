@@ -62,8 +62,9 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
     absent = ruled_out(scene) | dict.fromkeys((DEPTH_OF_FIELD, MOTION_BLUR), "")
     switches = {switch: name not in absent for name, switch in SWITCHES.items()}
     everything = cycles.Transport(MOST_BOUNCES, **switches, samples=SAMPLES)
-    hits = truth.first_hits(scene, capture.camera)
-    groups = np.where(capture.mask(), hits.material, 0)
+    known = capture.truth()
+    assert known is not None  # it was rendered with the capture
+    groups = np.where(capture.mask(), known.material, 0)
     parts = {}
     for light in map(int, rng.permutation(len(capture))):
         captured = capture.image(light).astype(np.float64)
@@ -82,10 +83,11 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
     held = all(error <= asked + CERTAIN * deviation for error, deviation in errors.values())
     if not errors:
         return Audit(True, "", 0.0, 0.0, settings["error"], [], 0)
+    names = {number: material.name for material, number in truth.numbered(scene).items()}
     worst = max(errors, key=lambda number: errors[number][0])
     error, deviation = (round(100 * value, 4) for value in errors[worst])
     pixels = sum(int((part[0] > 0).sum()) for part in parts.values())
-    return Audit(held, hits.names[worst], error, deviation, settings["error"], list(parts), pixels)
+    return Audit(held, names[worst], error, deviation, settings["error"], list(parts), pixels)
 
 
 def _window(shown: NDArray[np.bool_], rng: np.random.Generator) -> tuple[slice, slice]:
