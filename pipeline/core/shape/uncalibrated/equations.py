@@ -324,6 +324,16 @@ def foreseen_costs(
                     costs[p] += certainty[p, k] * (values[p, k, c] - space[2][c]) ** 2
 
 
+@parallel_kernel
+def foresee(views: Array, normals: Array, weights: Array, lights: Array, coefficients: Array, foreseen: Array) -> None:
+    """Fill in what every pixel shows of every light (P, L, 3)."""
+    for p in prange(len(normals)):
+        space = workspace(weights.shape[1], coefficients.shape[1])
+        for k in range(len(lights)):
+            respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
+            foreseen[p, k] = space[2]
+
+
 @kernel
 def turn(start: Array, tangents: Array, step: Array, view: Array, normal: Array) -> None:
     """Fill in the normal turned by a step along its tangents, but no further than the camera can see."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import integrability
-from .equations import certainties, eliminate, foreseen_costs, turn_normals
+from .equations import certainties, eliminate, foresee, foreseen_costs, turn_normals
 from .outline import Outline
 from .start import mean_strength_one
 
@@ -135,6 +135,18 @@ class Joint:
         self.normals, self.weights, self.lights, self.coefficients = before[:4]
         self.damping *= CALMER
         return False
+
+    def gloss(self) -> float:
+        """Return the share of the light of the pictures that the lobes explain and the Lambertian part does not.
+
+        Lobes that no value reaches have no share, however large their coefficients.
+        """
+        everything, matt = np.empty((2, *self.values.shape))
+        lambertian = self.coefficients * (np.arange(self.coefficients.shape[1]) == 0)[:, None]
+        for coefficients, light in ((self.coefficients, everything), (lambertian, matt)):
+            foresee(self.views, self.normals, self.weights, self.lights, coefficients, light)
+        sure = self.certainty[..., None]
+        return 1.0 - float((sure * matt).sum() / max((sure * everything).sum(), 1e-300))
 
     def light_covariance(self) -> Array:
         """Return the covariance (3 L, 3 L) of the lights that the misfit and the curvature of the cost give."""

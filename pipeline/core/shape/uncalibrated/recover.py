@@ -40,7 +40,7 @@ FEW_PIXELS = 60
 AT_ONCE = 20_000  # pixels refined between two words of progress
 BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
-MATT = 0.02  # share of gloss in the usual basis below which there is no highlight to speak of
+MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
 UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
 
 
@@ -226,8 +226,7 @@ def _doubts(joint: Joint, deviation: Array) -> tuple[str, ...]:
         doubts.append(
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
-    gloss = joint.coefficients[:, 1:].sum(axis=(1, 2)) / np.maximum(joint.coefficients.sum(axis=(1, 2)), 1e-12)
-    if (joint.weights.mean(axis=0) @ gloss) / len(gloss) < MATT:
+    if joint.gloss() < MATT:
         doubts.append("there are no highlights; how high the relief is rests on outline and strengths alone")
     if not joint.outline.rim.any():
         doubts.append(
