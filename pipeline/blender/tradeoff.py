@@ -19,7 +19,8 @@ from ..core.inverse.photograph import Photograph, prepared
 from ..core.material.fit import fit
 from ..core.material.principled import fit_principled
 from ..core.progress import Progress, Work, retold
-from ..core.tradeoff import Trial, Variant, evenly
+from ..core.tradeoff import Trial, Variant
+from ..core.tradeoff.thinning import evenly
 from . import capture, cycles, plan, truth, views
 from . import scene as scenes
 from .camera import camera_of

@@ -11,10 +11,13 @@ import typer
 
 from ..core.capture import Capture
 from ..core.errors import LightsphereError
-from ..core.reflectance import Reflectance, ReflectanceSettings
+from ..core.reflectance import Reflectance, ReflectanceSettings, recovered_pixels
 from ..core.reflectance.bivariate import Bivariate
 from ..core.shape import Shape
-from .stage import Figures, JsonFile, run_with_bar, settings_options
+from ..core.tradeoff import Variant
+from ..core.tradeoff.forecast import foretold
+from ..core.tradeoff.goal import Goal, Promise
+from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
 
 
 def capture_of(folder: Path, shape: Shape) -> Capture:
@@ -24,12 +27,20 @@ def capture_of(folder: Path, shape: Shape) -> Capture:
     return Capture.open((folder / shape.notes["capture"]).resolve())
 
 
-def fitted(folder: Path, settings: ReflectanceSettings) -> Reflectance | Bivariate:
-    """Open a shape folder and fit the reflectance of its capture, with a bar."""
+def promised(shape: Shape, capture: Capture, settings: ReflectanceSettings, goal: Goal) -> Promise:
+    """Choose the settings of a fit for a goal, with a bar."""
+    from ..core.tradeoff.reflectance import variants
+
+    def choices(part: Capture) -> list[Variant]:
+        return variants(shape.within(part.mask()), part, settings)
+
+    return run_with_bar(foretold(choices, capture, recovered_pixels(shape, capture), goal))
+
+
+def fitted(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> Reflectance | Bivariate:
+    """Fit the reflectance of a capture, with a bar."""
     from ..core.reflectance import fit, tables
 
-    shape = Shape.open(folder)
-    capture = capture_of(folder, shape)
     if settings.model == "bivariate":
         return run_with_bar(tables.fit(shape, capture, settings))
     return run_with_bar(fit.fit(shape, capture, settings))
@@ -47,13 +58,25 @@ def reflectance(
     shape: Annotated[Path, typer.Argument(help="folder of a shape; it names its capture")],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the reflectance")],
     settings: ReflectanceSettings,
+    budget: Budget = None,
+    target: Target = None,
     json: JsonFile = None,
 ) -> None:
-    """Fit basis BRDFs and weight maps, or a lobe per pixel, on a known shape; state the error on lights held out."""
+    """Fit basis BRDFs and weight maps, or a lobe per pixel, on a known shape; state the error on lights held out.
+
+    --budget and --target choose the model and its bases or clusters by that error.
+    """
+    goal = Goal(budget, target)
     with Figures("reflectance", json) as figures:
-        found = fitted(shape, settings)
+        opened = Shape.open(shape)
+        capture = capture_of(shape, opened)
+        if goal:
+            figures.promise = promised(opened, capture, settings, goal)
+            settings = dataclasses.replace(settings, **figures.promise.expected.settings)
+        found = fitted(opened, capture, settings)
         found = dataclasses.replace(found, notes={**found.notes, "shape": os.path.relpath(shape, output)})
         found.save(output)
         wanted = ("material_rel_rms", "material_rel_rms_median", "bases", "nodes_seen")
         figures.values.update({key: found.notes[key] for key in wanted if key in found.notes})
         figures.summary = f"{summary(found.notes)}; in {output}"
+        figures.obtained({"material_rel_rms": found.notes["material_rel_rms"]})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -18,8 +19,13 @@ from ..core.relight.emitters import Emitter
 from ..core.relight.film import moving_light
 from ..core.relight.render import check_outside, prepare, relit
 from ..core.shape import Shape
+from ..core.tradeoff import Variant
+from ..core.tradeoff.forecast import foretold
+from ..core.tradeoff.goal import Goal, Promise
+from ..core.tradeoff.relight import errors, held_out, variants
+from ..core.tradeoff.thinning import thinned_to
 from .reflectance import capture_of
-from .stage import Figures, JsonFile, run_with_bar, settings_options
+from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
 
 FRAMES = 72
 PER_SECOND = 24
@@ -53,12 +59,17 @@ def relight(
     true_depth: Annotated[
         bool, typer.Option("--true-depth", help="the folder is a capture: take the true depth, to compare with")
     ] = False,
+    budget: Budget = None,
+    target: Target = None,
     json: JsonFile = None,
 ) -> None:
     """Make pictures of a captured object under new lights, shadows and interreflection included, without tracing a ray.
 
     All lights of the options shine together in relit.exr and relit.png; --lights and --film make a picture each.
+    --budget and --target choose how many of the capture's pictures are used and how they are interpolated; the error is
+    that of pictures under twelve lights of the capture, which are left out of the rest for it.
     """
+    goal = Goal(budget, target)
     with Figures("relight", json) as figures:
         capture, shape = opened(folder, true_depth)
         together = asked_for(capture, point or [], distant or [], environment_map, scene)
@@ -69,7 +80,13 @@ def relight(
                 "no light is given; use --point, --distant, --environment, --lights, --scene or --film"
             )
         check_outside(shape, [*together, *listed, *moving])
-        prepared = run_with_bar(prepare(capture, shape, settings))
+        used, unseen = capture, np.zeros(0, np.int64)
+        if goal:
+            count = len(together) + len(listed) + len(moving)
+            figures.promise = promised(shape, capture, settings, count, goal)
+            settings = dataclasses.replace(settings, **figures.promise.expected.settings)
+            used, unseen = held_out(capture)
+        prepared = run_with_bar(prepare(thinned_to(used, settings.pictures), shape, settings))
         output.mkdir(parents=True, exist_ok=True)
         if together:
             write(output, ["relit"], [run_with_bar(relit(prepared, together))])
@@ -83,6 +100,17 @@ def relight(
         count = bool(together) + len(listed) + len(moving)
         figures.values.update(pictures=count, emitters=len(together) + len(listed) + len(moving))
         figures.summary = f"{count} pictures in {output}" + (f", film.mp4 of {FRAMES} of them" if film else "")
+        if goal:
+            figures.obtained(errors(prepared, capture, unseen))
+
+
+def promised(shape: Shape, capture: Capture, settings: RelightSettings, pictures: int, goal: Goal) -> Promise:
+    """Choose the settings for a goal, with a bar."""
+
+    def choices(part: Capture) -> list[Variant]:
+        return variants(shape.within(part.mask()), part, settings, pictures)
+
+    return run_with_bar(foretold(choices, capture, np.isfinite(shape.depth), goal))
 
 
 def opened(folder: Path, true_depth: bool) -> tuple[Capture, Shape]:

@@ -22,7 +22,11 @@ from ..core.shape.photometric import recover as photometric
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from ..core.shape.uncalibrated import recover as uncalibrated
-from .stage import Figures, JsonFile, run_with_bar, settings_options
+from ..core.tradeoff.forecast import foretold
+from ..core.tradeoff.goal import Goal
+from ..core.tradeoff.shape import blind_errors, choices
+from ..core.tradeoff.thinning import thinned_to
+from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
 
 MeshFile = Annotated[
     Path | None,
@@ -40,11 +44,25 @@ def shape(
     settings: ShapeSettings,
     mesh: MeshFile = None,
     mesh_unit: Annotated[float, typer.Option(help="length of the mesh's unit [m]", min=1e-9)] = 1.0,
+    budget: Budget = None,
+    target: Target = None,
     json: JsonFile = None,
 ) -> None:
-    """Recover depth and normals of every pixel, for any BRDF; by acls and uncalibrated its reflectance, too."""
-    opened = Capture.open(capture)
+    """Recover depth and normals of every pixel, for any BRDF; by acls and uncalibrated its reflectance, too.
+
+    --budget and --target choose lights and bases. The error that they promise is told without truth: the median of
+    the error that depths are expected to have, per cent of the object, or that of pictures under lights held out.
+    """
+    goal = Goal(budget, target)
+    if mesh and goal:
+        raise LightsphereError("a mesh is taken as it is; leave --budget and --target out")
+    whole = Capture.open(capture)
     with Figures("shape", json) as figures:
+        if goal:
+            work = foretold(lambda part: choices(part, settings), whole, whole.mask(), goal)
+            figures.promise = run_with_bar(work)
+            settings = dataclasses.replace(settings, **figures.promise.expected.settings)
+        opened = thinned_to(whole, settings.pictures)
         start = time.perf_counter()
         reflectance, source = None, capture
         doubts: tuple[str, ...] = ()
@@ -54,12 +72,12 @@ def shape(
         elif settings.method == "double-sphere":
             found = run_with_bar(recover(opened, settings))
         elif settings.method == "uncalibrated":
-            whole = run_with_bar(uncalibrated.recover(opened, settings))
-            found, reflectance, doubts, lights = whole.shape, whole.reflectance, whole.doubts, whole.lights
+            every = run_with_bar(uncalibrated.recover(opened, settings))
+            found, reflectance, doubts, lights = every.shape, every.reflectance, every.doubts, every.lights
             source = output / "capture"
             with_lights(opened, lights, source)
             figures.values["lights"] = found.notes["lights"]
-            figures.values["light_deviation_deg"] = float(whole.deviation.mean())
+            figures.values["light_deviation_deg"] = float(every.deviation.mean())
         else:
             both = run_with_bar(photometric.recover(opened, settings))
             found, reflectance = both.shape, both.reflectance
@@ -93,6 +111,8 @@ def shape(
         figures.summary = words + (
             f", silhouette_overlap_pct {found.notes['silhouette_overlap_pct']:.3g}" if mesh else ""
         )
+        if goal:
+            figures.obtained(blind_errors(found, opened))
     for doubt in doubts:
         print(f"lightsphere: {capture}: {doubt}", file=sys.stderr)
     _warn_of_changes(opened)

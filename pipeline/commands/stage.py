@@ -22,7 +22,23 @@ from rich.text import Text
 from ..core import images
 from ..core.progress import Progress, Work, finish
 from ..core.settings import check, limits_of
+from ..core.tradeoff.goal import Promise, told
 
+Budget = Annotated[
+    float | None,
+    typer.Option(
+        help="instead of settings: the time that may pass, with settings of the least error within it [s]",
+        metavar="SECONDS",
+    ),
+]
+Target = Annotated[
+    float | None,
+    typer.Option(
+        help="instead of settings: the error that will do, with the quickest settings that are expected to reach it, "
+        "by trials on a part of the pixels [%]",
+        metavar="ERROR",
+    ),
+]
 Result = TypeVar("Result")
 Settings = TypeVar("Settings")
 
@@ -168,7 +184,14 @@ class Figures:
         self.json_file = json_file
         self.values: dict[str, Any] = {}
         self.summary = ""
+        self.promise: Promise | None = None
         self._start = time.perf_counter()
+
+    def obtained(self, errors: dict[str, float]) -> None:
+        """State what was promised for a goal, if there was one, and the errors that were obtained."""
+        if self.promise is not None:
+            self.values["promise"] = kept = self.promise.kept(errors)
+            self.summary += f"; {told(kept)}"
 
     def __enter__(self) -> Figures:
         return self

@@ -19,6 +19,8 @@ from ..core.errors import LightsphereError
 from ..core.inverse import InverseSettings
 from ..core.progress import Work
 from ..core.reflectance import FILE as REFLECTANCE_FILE
+from ..core.reflectance import ReflectanceSettings
+from ..core.relight import RelightSettings
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
 from ..core.tradeoff import STAGES, Trial, as_row, dominated, measure
@@ -117,7 +119,11 @@ def tried(stage: str, source: str, photograph: Path | None) -> list[Trial]:
         from ..core.tradeoff import reflectance, relight
 
         shape = Shape.open(Path(source))
-        variants = (reflectance if stage == "reflectance" else relight).variants(shape, capture_of(Path(source), shape))
+        capture = capture_of(Path(source), shape)
+        if stage == "reflectance":
+            variants = reflectance.variants(shape, capture, ReflectanceSettings())
+        else:
+            variants = relight.variants(shape, capture, RelightSettings())
     return [trial for trial, _ in run_with_bar(measure(variants, warm_up=stage != "inverse"))]
 
 

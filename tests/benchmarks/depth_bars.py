@@ -33,7 +33,7 @@ from pipeline.core.progress import finish
 from pipeline.core.shape import Shape
 from pipeline.core.shape.double_sphere import recover
 from pipeline.core.shape.settings import ShapeSettings
-from pipeline.core.tradeoff import thinned
+from pipeline.core.tradeoff.thinning import thinned
 
 RIG = ("--inner", "320", "--outer", "80", "--radius-inner", "2", "--radius-outer", "3", "--resolution", "100")
 THIRDS = 0.25  # the highest confidence third's 95th percentile over the lowest third's, at most

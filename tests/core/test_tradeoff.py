@@ -12,8 +12,9 @@ from pipeline.core.capture import Capture
 from pipeline.core.errors import LightsphereError
 from pipeline.core.progress import Progress, Work, finish
 from pipeline.core.shape.settings import ShapeSettings
-from pipeline.core.tradeoff import Trial, Variant, as_row, dominated, evenly, measure, thinned
+from pipeline.core.tradeoff import Trial, Variant, as_row, dominated, measure
 from pipeline.core.tradeoff.shape import double_sphere
+from pipeline.core.tradeoff.thinning import evenly, thinned
 from tests import synthetic
 
 
@@ -51,7 +52,7 @@ def test_all_lights_are_all_lights(capture: Capture) -> None:
 def test_fractions_become_counts_of_at_least_eight(capture: Capture) -> None:
     found = double_sphere(capture, (0.01, 0.25, 1.0), ShapeSettings())
     assert [variant.label for variant in found] == ["8/8", "80/20", "320/80"]
-    assert [variant.settings["lights"] for variant in found] == [16, 100, 400]
+    assert [variant.settings["pictures"] for variant in found] == [16, 100, 400]
     assert double_sphere(capture, (1.0,), ShapeSettings(objective="source"))[0].label == "320/80 source"
 
 

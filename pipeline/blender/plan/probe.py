@@ -17,7 +17,7 @@ from ...core.camera import Camera
 from ...core.capture_settings import PlanSettings
 from ...core.lights import Lights
 from ...core.progress import Progress, Work
-from ...core.tradeoff import evenly
+from ...core.tradeoff.thinning import evenly
 from .. import cycles, truth
 from ..camera import camera_of
 from ..olat import pictures

@@ -24,6 +24,9 @@ class RelightSettings:
         "source: linear between three lights of the inner surface (Magda et al. 2001, equation 6)",
         choices=INTERPOLATIONS,
     )
+    pictures: int = setting(
+        0, "most pictures that are used, of evenly spread lights, 0: all", unit="pictures", low=0, high=100_000
+    )
     memory: float = setting(
         2048.0, "pictures above this size are kept in a file instead of in memory", unit="MB", low=16.0
     )

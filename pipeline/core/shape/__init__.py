@@ -6,6 +6,7 @@ On disk a folder with ``shape.json`` (method, settings, capture, figures), ``sha
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,6 +54,15 @@ class Shape:
         """Return the surface points in the world, (H, W, 3) [m]; NaN where not recovered."""
         origins, directions = self.camera.rays()
         return np.asarray(origins + self.depth[..., None].astype(np.float64) * directions)
+
+    def within(self, pixels: NDArray[np.bool_]) -> Shape:
+        """Return the shape as if nothing were recovered beside some pixels (H, W)."""
+        return dataclasses.replace(
+            self,
+            depth=np.where(pixels, self.depth, np.float32(np.nan)),
+            normal=np.where(pixels[..., None], self.normal, np.float32(np.nan)),
+            confidence=np.where(pixels, self.confidence, np.float32(0.0)),
+        )
 
     def normals_at(self, uv: NDArray[Any]) -> NDArray[np.float64]:
         """Return unit normals in the world (N, 3) of the known pixels nearest to texture coordinates (N, 2)."""

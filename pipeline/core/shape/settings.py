@@ -28,6 +28,9 @@ class ShapeSettings:
         "uncalibrated: lights, normals and basis BRDFs from 10 to 15 photographs under unknown lights",
         choices=METHODS,
     )
+    pictures: int = setting(
+        0, "most pictures that are used, of evenly spread lights, 0: all", unit="pictures", low=0, high=100_000
+    )
     bases: int = setting(3, "most basis BRDFs that acls and uncalibrated tell apart", low=1, high=4)
     colour: str = setting("bases", "where acls puts the colour: into the basis BRDFs or the weights", choices=COLOURS)
     start: str = setting(

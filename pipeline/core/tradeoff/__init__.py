@@ -1,7 +1,8 @@
 """Error against time: a stage done with several settings, each measured, and which of them others beat.
 
 :mod:`.shape`, :mod:`.reflectance` and :mod:`.relight` say which settings of a stage matter; what renders, capture,
-material and inverse, is in :mod:`pipeline.blender.tradeoff`.
+material and inverse, is in :mod:`pipeline.blender.tradeoff`. Settings for a time or an error that is asked for are
+chosen (:mod:`.goal`) among forecasts, which trials on a part of the pixels give (:mod:`.forecast`).
 """
 
 from __future__ import annotations
@@ -13,19 +14,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..capture import Capture
-from ..errors import LightsphereError
 from ..progress import Progress, Work, retold, shares
 
-#: Shares of a capture's lights that are tried, and those tried with the source's rule.
-FRACTIONS, SOURCE_FRACTIONS = (0.125, 0.25, 0.5, 1.0), (0.25, 1.0)
-FEWEST = 8  # lights of a surface, or distant ones
 STAGES = ("capture", "shape", "reflectance", "material", "relight", "inverse")
 #: What each error is, in the words of a plot's axis.
 WORDS = {
     "depth_median_pct": "median depth error, % of the object",
+    "depth_expected_pct": "expected depth error, median, % of the object",
     "normal_mae_deg": "mean angle between normals, degrees",
     "material_rel_rms": "relative error of the reflectance",
     "relight_rel_rmse": "relative error of the pictures",
@@ -152,37 +148,3 @@ def as_row(trial: Trial, better: str) -> dict[str, Any]:
         **trial.errors,
         "beaten_by": better,
     }
-
-
-def fewer(fraction: float, lights: int) -> int:
-    """Return how many lights are a fraction of so many, at least FEWEST of them."""
-    return max(round(fraction * lights), min(FEWEST, lights))
-
-
-def thinned(capture: Capture, inner: int, outer: int) -> Capture:
-    """Return the capture with so many lights of each surface, as evenly spread as they allow."""
-    kept = []
-    for surface, count in (("inner", inner), ("outer", outer)):
-        own = capture.lights.on(surface)
-        if count > len(own):
-            raise LightsphereError(f"{capture.folder} has {len(own)} {surface} lights; choose at most as many")
-        kept.append(own[spread(capture.lights.position[own], count)])
-    return capture.select(np.sort(np.concatenate(kept)))
-
-
-def spread(positions: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Choose points one after the other, each the farthest from those before it (Gonzalez 1985)."""
-    directions = positions - positions.mean(axis=0)
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    chosen = [0]
-    nearest = directions @ directions[0]
-    while len(chosen) < count:
-        nearest[chosen] = np.inf
-        chosen.append(int(np.argmin(nearest)))
-        nearest = np.maximum(nearest, directions @ directions[chosen[-1]])
-    return np.array(chosen)
-
-
-def evenly(total: int, count: int) -> NDArray[np.int64]:
-    """Return at most so many of the numbers below a total, evenly spread, its ends left out where others will do."""
-    return np.unique(np.linspace(0, total - 1, count + 2).round().astype(np.int64)[1:-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
 from typing import Any
 
@@ -14,22 +15,20 @@ BASES = (1, 2, 3, 4)
 CLUSTERS = (1, 3, 6)
 
 
-def variants(shape: Shape, capture: Capture) -> list[Variant]:
+def variants(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> list[Variant]:
     """Return what is tried: basis BRDFs as tables, or a lobe per pixel, on the same lights held out."""
 
     found = []
     for bases in BASES:
-        settings = ReflectanceSettings(bases=bases)
+        chosen = dataclasses.replace(settings, model="bivariate", bases=bases)
         label = f"{bases} table" + "s" * (bases > 1)
         described = {"model": "bivariate", "bases": bases}
-        found.append(Variant(label, described, 3.0 + 2 * bases, partial(tables.fit, shape, capture, settings), _judged))
+        found.append(Variant(label, described, 3.0 + 2 * bases, partial(tables.fit, shape, capture, chosen), _judged))
     for clusters in CLUSTERS:
-        settings = ReflectanceSettings(model="ggx", clusters=clusters)
+        chosen = dataclasses.replace(settings, model="ggx", clusters=clusters)
         label = f"lobe, {clusters} roughness" + "es" * (clusters > 1)
         described = {"model": "ggx", "clusters": clusters}
-        found.append(
-            Variant(label, described, 1.0 + 0.2 * clusters, partial(fit.fit, shape, capture, settings), _judged)
-        )
+        found.append(Variant(label, described, 1.0 + 0.2 * clusters, partial(fit.fit, shape, capture, chosen), _judged))
     return found
 
 

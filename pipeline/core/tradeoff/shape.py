@@ -10,6 +10,7 @@ import numpy as np
 
 from ..capture import Capture
 from ..compare.shapes import shape_errors
+from ..errors import LightsphereError
 from ..progress import Work, finish
 from ..reflectance import ReflectanceSettings
 from ..reflectance.fit import fit
@@ -18,7 +19,8 @@ from ..shape.double_sphere import recover as by_double_sphere
 from ..shape.photometric.recover import recover as by_photometric_stereo
 from ..shape.settings import ShapeSettings
 from ..shape.uncalibrated.recover import recover as by_unknown_lights
-from . import FRACTIONS, SOURCE_FRACTIONS, Variant, evenly, fewer, spread, thinned
+from . import Variant
+from .thinning import FRACTIONS, SOURCE_FRACTIONS, evenly, fewer, thinned, thinned_to
 
 PHOTOGRAPHS = (6, 8, 12, 24)
 BASES = (1, 2, 3)
@@ -33,7 +35,29 @@ def variants(capture: Capture) -> list[Variant]:
         return double_sphere(capture, FRACTIONS, settings) + double_sphere(capture, SOURCE_FRACTIONS, source)
     if capture.lights.kind == "unknown":
         return _unknown(capture)
-    return _photometric(capture)
+    return [
+        variant
+        for method in ("lambertian", "acls")
+        for variant in photometric(capture, dataclasses.replace(settings, method=method))
+    ]
+
+
+def choices(capture: Capture, settings: ShapeSettings) -> list[Variant]:
+    """Return the settings among which a goal chooses: lights and bases, the rest as it is set.
+
+    Raises
+    ------
+    LightsphereError
+        For the method uncalibrated, whose time a part of the pixels does not tell.
+    """
+    if settings.method == "uncalibrated":
+        raise LightsphereError(
+            "--budget and --target do not serve the method uncalibrated; --pictures 8 makes it quicker, "
+            "and lightsphere tradeoff shows what that costs"
+        )
+    if settings.method == "double-sphere":
+        return double_sphere(capture, FRACTIONS, settings)
+    return photometric(capture, settings)
 
 
 def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeSettings) -> list[Variant]:
@@ -44,7 +68,7 @@ def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeS
         own = settings.objective != ShapeSettings().objective
         label = f"{inner}/{outer}" + (f" {settings.objective}" if own else "")
         part = thinned(capture, inner, outer)
-        described = {"lights": len(part), "method": "double-sphere", "objective": settings.objective}
+        described = {"pictures": len(part), "method": "double-sphere", "objective": settings.objective}
 
         def solve(part: Capture = part) -> Work[Shape]:
             return by_double_sphere(part, settings)
@@ -53,23 +77,28 @@ def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeS
     return found
 
 
-def _photometric(capture: Capture) -> list[Variant]:
+def photometric(capture: Capture, settings: ShapeSettings) -> list[Variant]:
+    """Return solves by photometric stereo with fewer lights, and, with all of them, with fewer bases."""
     found = []
     for count in sorted({fewer(fraction, len(capture)) for fraction in FRACTIONS}):
-        part = capture.select(np.sort(spread(capture.lights.position, count)))
-        for method, bases in (("lambertian", 0), *(("acls", k) for k in BASES)):
-            if method == "acls" and bases < BASES[-1] and count < len(capture):
-                continue
-            chosen = ShapeSettings(method=method, bases=bases or 1)
-
-            def solve(part: Capture = part, chosen: ShapeSettings = chosen) -> Work[Shape]:
-                return (yield from by_photometric_stereo(part, chosen)).shape
-
-            label = f"{count} {method}" + (f" {bases}" if bases else "")
-            described = {"lights": count, "method": method, "bases": bases}
-            weight = count * (1.0 if method == "lambertian" else 20.0 * bases)
-            found.append(Variant(label, described, weight, solve, lambda shape: _judged(shape, capture)))
+        part = thinned_to(capture, count)
+        if settings.method == "lambertian":
+            found.append(_photometric(capture, part, settings, f"{count} lambertian", {}, count))
+            continue
+        for bases in BASES if count == len(capture) else BASES[-1:]:
+            label, weight = f"{count} acls {bases}", 20.0 * count * bases
+            found.append(_photometric(capture, part, settings, label, {"bases": bases}, weight))
     return found
+
+
+def _photometric(
+    capture: Capture, part: Capture, settings: ShapeSettings, label: str, own: dict[str, Any], weight: float
+) -> Variant:
+    def solve() -> Work[Shape]:
+        return (yield from by_photometric_stereo(part, dataclasses.replace(settings, **own))).shape
+
+    described = {"pictures": len(part), "method": settings.method, **own}
+    return Variant(label, described, weight, solve, lambda shape: _judged(shape, capture))
 
 
 def _unknown(capture: Capture) -> list[Variant]:
@@ -83,15 +112,30 @@ def _unknown(capture: Capture) -> list[Variant]:
         def judged(whole: Any, part: Capture = part) -> dict[str, float]:
             return _judged(whole.shape, dataclasses.replace(part, lights=whole.lights))
 
-        described = {"lights": count, "method": "uncalibrated"}
+        described = {"pictures": count, "method": "uncalibrated"}
         found.append(Variant(f"{count} photographs", described, count, solve, judged))
     return found
 
 
 def _judged(shape: Shape, capture: Capture) -> dict[str, float]:
-    """Return errors against truth, or those of pictures under lights that the fit of a reflectance never saw."""
+    """Return errors against truth, or without it."""
     truth = capture.truth()
-    if truth is not None:
-        return shape_errors(shape, truth, capture.mask())
+    return blind_errors(shape, capture) if truth is None else shape_errors(shape, truth, capture.mask())
+
+
+def blind_errors(shape: Shape, capture: Capture) -> dict[str, float]:
+    """Return what can be told of a shape's errors without truth, and how much of the object it recovers.
+
+    Depths state the error to be expected of them: its median. Else the error is that of pictures under lights that
+    the fit of a reflectance on the shape never saw.
+    """
+    known = shape.confidence > 0
+    recovered = {"recovered_pct": 100 * float(known.sum()) / max(int(capture.mask().sum()), 1)}
+    if not known.any():
+        return {"depth_expected_pct": float("nan"), **recovered}
+    expected = shape.layers.get("expected_error")
+    if expected is not None:
+        extent = float(np.ptp(shape.points()[known], axis=0).max())
+        return {"depth_expected_pct": 100 * float(np.median(expected[known])) / extent, **recovered}
     fitted = finish(fit(shape, capture, ReflectanceSettings()))
-    return {"material_rel_rms": fitted.notes["material_rel_rms"]}
+    return {"material_rel_rms": fitted.notes["material_rel_rms"], **recovered}

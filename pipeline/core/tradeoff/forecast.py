@@ -1,0 +1,86 @@
+"""What settings will cost and give, foretold from trials on a part of a capture's pixels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Capture
+from ..errors import LightsphereError
+from ..progress import Progress, Work
+from . import Trial, Variant
+from .excerpt import Excerpt, excerpt
+from .goal import COMPLETE, Goal, Promise, choose, percent
+
+TRIALS_SHARE = 0.3  # of the budget, after which no more settings are tried
+
+
+def foretold(
+    variants: Callable[[Capture], Sequence[Variant]], capture: Capture, pixels: NDArray[np.bool_], goal: Goal
+) -> Work[Promise]:
+    """Try a stage's settings on two excerpts of some pixels (H, W), the lightest first; choose for the goal.
+
+    Time is taken to be linear in pixels, by the two excerpts, and in the pictures that are opened; the error is that of
+    the larger excerpt. Judging counts: the stage does it, too, to state what it obtained. Trials end when settings
+    reach the target, or would take longer than what is left of the budget. Not modelled: work that grows faster than
+    linearly, and memory that spills to disk.
+
+    Raises
+    ------
+    LightsphereError
+        Of the last settings, where none work.
+    """
+    large, opening = yield from excerpt(capture, pixels)
+    small, total = large.smaller(), int(pixels.sum())
+    pairs = list(zip(variants(small), variants(large), strict=True))
+    pairs.sort(key=lambda pair: pair[1].weight)
+    found: list[Trial] = []
+    problem: LightsphereError | None = None
+    warm = False
+    for number, (few, many) in enumerate(pairs):
+        yield Progress("try", number, len(pairs), "settings")
+        try:
+            if not warm:
+                _timed(few, small)
+                warm = True
+            less, _, _ = _timed(few, small)
+            more, errors, reads = _timed(many, large)
+        except LightsphereError as error:
+            problem = error
+            continue
+        slope = max(more - less, 0.0) / max(len(large.values[0]) - len(small.values[0]), 1)
+        seconds = more + slope * (total - len(large.values[0])) + reads * opening
+        found.append(Trial(many.label, many.settings, seconds, errors))
+        if _is_settled(found[-1], goal):
+            break
+    yield Progress("try", len(pairs), len(pairs), "settings")
+    if not found:
+        assert problem is not None
+        raise problem
+    return choose(found, goal)
+
+
+def _timed(variant: Variant, part: Excerpt) -> tuple[float, dict[str, float], int]:
+    """Do and judge a variant; return seconds, errors, and how many pictures were opened."""
+    part.reads.clear()
+    start = time.perf_counter()
+    work = variant.work()
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            errors = variant.judge(end.value)
+            return time.perf_counter() - start, errors, len(part.reads)
+
+
+def _is_settled(trial: Trial, goal: Goal) -> bool:
+    """Tell whether heavier settings need not be tried any more."""
+    is_complete = trial.errors.get("recovered_pct", 100.0) >= 100 * COMPLETE
+    if goal.target is not None and is_complete and percent(trial) <= goal.target:
+        return True
+    if goal.budget is None:
+        return False
+    return goal.spent + trial.seconds > goal.budget or goal.spent > TRIALS_SHARE * goal.budget
