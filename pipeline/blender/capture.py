@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import time
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +21,19 @@ from ..core.capture_settings import CaptureSettings, PlanSettings
 from ..core.errors import LightsphereError
 from ..core.journal import Journal
 from ..core.progress import Progress, Work
-from . import closed_form, cycles, devices, geometry, olat, plan, rig, truth, workers
+from ..core.tradeoff.goal import Goal, Promise
+from . import closed_form, cycles, devices, geometry, olat, plan, rig, sampling, truth, workers
 from .camera import camera_of
 from .plan.audit import audit
 
 JOURNAL = "finished.sha256"
+CHOSEN = ("samples", "error")  # settings that a goal decides
+TIMED = 8  # pictures without Cycles that are timed for a promise
 
 
-def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: CaptureSettings) -> Work[Capture]:
+def capture(
+    scene: bpy.types.Scene, source: str, folder: Path, settings: CaptureSettings, goal: Goal | None = None
+) -> Work[Capture]:
     """Capture a scene into a folder, or continue the capture that is there.
 
     Parameters
@@ -37,6 +44,9 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
         Name of the built-in scene or path of the .blend, from which workers load the same scene.
     folder : Path
     settings : CaptureSettings
+    goal : Goal, optional
+        For which a new capture's samples are chosen, and effects by its target; a capture that is continued keeps its
+        own.
 
     Yields
     ------
@@ -46,19 +56,22 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
     -------
     Capture
         Complete. The files depend on scene, settings, Blender version and device: not on workers or interruptions.
+        A new one with a goal has the note ``"promise"``; see :meth:`~pipeline.core.tradeoff.goal.Promise.kept`.
 
     Raises
     ------
     LightsphereError
         For a scene or rig that cannot be captured, a folder that holds another capture, or a full disk.
     """
+    if goal is not None and goal.target is not None:
+        settings = dataclasses.replace(settings, error=min(goal.target, 100.0))
     started = describe(scene, source, folder, settings)
     folder.mkdir(parents=True, exist_ok=True)
-    form = None
+    form, promise = None, None
     if (folder / FILE).is_file():
-        started = _continued(scene, Capture.open(folder), started)
+        started = _continued(scene, Capture.open(folder), started, () if goal is None else CHOSEN)
     else:
-        started, form = yield from _begun(scene, started, settings)
+        started, form, promise = yield from _begun(scene, started, settings, goal)
     journal = Journal(folder / JOURNAL)
     done = _intact(started, journal)
     try:
@@ -73,6 +86,10 @@ def capture(scene: bpy.types.Scene, source: str, folder: Path, settings: Capture
     if settings.effects == "auto" and "audit" not in finished.notes:
         found = yield from audit(scene, finished)
         finished = dataclasses.replace(finished, notes=finished.notes | {"audit": dataclasses.asdict(found)})
+    if promise is not None:
+        missing = finished.notes.get("audit", {}).get("error_pct", 0.0) / 100
+        errors = yield from sampling.obtained(scene, finished, missing)
+        finished = dataclasses.replace(finished, notes=finished.notes | {"promise": promise.kept(errors)})
     finished.save()
     journal.remove()
     return finished
@@ -110,26 +127,57 @@ def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: Captur
 
 
 def _begun(
-    scene: bpy.types.Scene, started: Capture, settings: CaptureSettings
-) -> Work[tuple[Capture, closed_form.ClosedForm | None]]:
+    scene: bpy.types.Scene, started: Capture, settings: CaptureSettings, goal: Goal | None
+) -> Work[tuple[Capture, closed_form.ClosedForm | None, Promise | None]]:
     """Write truth and description of a new capture, the description last.
 
-    Returns it, and what makes its pictures where Cycles need not.
+    Returns it, what makes its pictures where Cycles need not, and what is promised for a goal.
     """
     with cycles.own_lights_hidden(scene):
         truth.write(scene, started.camera, started.folder)
     decided = yield from plan.decide(scene, started.lights, PlanSettings(**dataclasses.asdict(settings)))
     planned = dataclasses.replace(started, notes=started.notes | decided.as_notes())
     renderer, form = yield from closed_form.choose(scene, planned)
+    promise = None
+    if goal is not None:
+        missing = decided.missing.contribution_pct / 100 if decided.missing else 0.0
+        promise = yield from _promised(scene, planned, form, goal, missing, settings.workers)
+        samples = promise.expected.settings["samples"]
+        for part in (planned.notes["settings"], planned.notes["transport"]):
+            part["samples"] = samples
     notes = planned.notes | {"renderer": dataclasses.asdict(renderer)}
     notes["sha256"] = {name: images.checksum(started.folder / name) for name in truth.FILES}
     begun = dataclasses.replace(started, notes=notes)
     begun.save()
-    return begun, form
+    return begun, form, promise
 
 
-def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Capture:
-    """Return the capture found in the folder, its truth intact; raise LightsphereError when another one is wanted."""
+def _promised(
+    scene: bpy.types.Scene,
+    planned: Capture,
+    form: closed_form.ClosedForm | None,
+    goal: Goal,
+    missing: float,
+    processes: int,
+) -> Work[Promise]:
+    """Choose the samples of a planned capture for a goal."""
+    processes = _processes(processes, len(planned))
+    if form is None:
+        cost = yield from sampling.measured(scene, planned)
+    else:
+        some = range(min(len(planned), TIMED))
+        start = time.perf_counter()
+        for light in closed_form.make(form, planned, some, processes):
+            yield Progress("samples", light + 1, len(some), "pictures")
+        cost = sampling.Cost(0.0, processes * (time.perf_counter() - start) / len(some), 0.0)
+    return sampling.promise(cost, planned, goal, processes, missing)
+
+
+def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture, chosen: Sequence[str]) -> Capture:
+    """Return the capture found in the folder, its truth intact; raise LightsphereError when another one is wanted.
+
+    ``chosen`` are settings that it may have chosen for itself.
+    """
     before = {"device": devices.PROCESSOR.kind, **found.notes}  # older captures do not say it: there was no other
     for name in ("scene", "scene_sha256", "blender", "device"):
         if before.get(name) != wanted.notes.get(name):
@@ -139,7 +187,7 @@ def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture) -> Captu
             )
     now = wanted.notes["settings"]
     earlier = dataclasses.asdict(CaptureSettings()) | found.notes.get("settings", {})  # older captures lack new ones
-    if different := [name for name in now if earlier[name] != now[name]]:
+    if different := [name for name in now if earlier[name] != now[name] and name not in chosen]:
         words = ", ".join(f"{name} {earlier.get(name)}, not {now[name]}" for name in different)
         raise LightsphereError(f"{found.folder} holds a capture with {words}; choose another folder or delete it")
     if found.lights.as_json() != wanted.lights.as_json() or found.camera.as_json() != wanted.camera.as_json():
@@ -197,12 +245,10 @@ def _render_all(
 ) -> Work[None]:
     """Render the pictures not done, here and in workers, noting each in ``done`` and the journal."""
     pending = deque(i for i, name in enumerate(started.files) if not done[name])
-    processor_cores = _processor_cores()
-    on_gpu = devices.chosen().is_gpu  # which one process keeps busy
-    processes = max(1, min(processes or (1 if on_gpu else processor_cores), len(pending)))
-    threads = max(1, processor_cores // processes)
+    processes = _processes(processes, len(pending))
+    threads = max(1, _processor_cores() // processes)
     words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
-    words += ["--device", "gpu" if on_gpu else "cpu"]
+    words += ["--device", "gpu" if devices.chosen().is_gpu else "cpu"]
     with workers.Pool(processes - 1, words, pending) as pool:
         own = olat.render_lights(scene, started, workers.taken(pending), threads)
         with contextlib.closing(own):
@@ -219,6 +265,11 @@ def _note(started: Capture, light: int, checksum: str, done: dict[str, str], jou
     journal.add(name, checksum)
     done[name] = checksum
     return Progress("render", sum(map(bool, done.values())), len(started), "pictures")
+
+
+def _processes(wanted: int, pictures: int) -> int:
+    """Return how many processes render so many pictures; a GPU is kept busy by one."""
+    return max(1, min(wanted or (1 if devices.chosen().is_gpu else _processor_cores()), pictures))
 
 
 def _processor_cores() -> int:

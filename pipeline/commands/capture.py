@@ -10,8 +10,9 @@ import typer
 
 from ..core.capture_settings import CaptureSettings
 from ..core.errors import LightsphereError
+from ..core.tradeoff.goal import Goal, told
 from .device import Device, render_on
-from .stage import Figures, JsonFile, run_with_bar, settings_options
+from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
 
 Scene = Annotated[str, typer.Argument(help="a built-in scene (see lightsphere scenes) or a .blend file")]
 
@@ -22,15 +23,22 @@ def capture(
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the capture")],
     settings: CaptureSettings,
     device: Device = "auto",
+    budget: Budget = None,
+    target: Target = None,
     json: JsonFile = None,
 ) -> None:
-    """Render one picture per light of a scene with Cycles; run it again to continue an interrupted one."""
+    """Render one picture per light of a scene with Cycles; run it again to continue an interrupted one.
+
+    --budget and --target choose how many samples a pixel gets; the error is the relative RMSE of the object's pixels
+    that noise leaves, with what the left-out effects would add.
+    """
+    goal = Goal(budget, target)
     from ..blender import capture as blender
     from ..blender import scene as scenes
 
     with Figures("capture", json) as figures:
         figures.values["device"] = render_on(device)
-        made = run_with_bar(blender.capture(scenes.load(scene), scene, output, settings))
+        made = run_with_bar(blender.capture(scenes.load(scene), scene, output, settings, goal if goal else None))
         figures.values["pictures"] = len(made)
         figures.values["effects"] = made.notes["effects"]
         simulated = [effect["effect"] for effect in made.notes["effects"] if effect["simulated"]]
@@ -41,6 +49,9 @@ def capture(
         if audit := made.notes.get("audit"):
             figures.values["audit"] = audit
             figures.summary += "; " + _audited(audit)
+        if promise := made.notes.get("promise"):
+            figures.values["promise"] = promise
+            figures.summary += "; " + told(promise)
 
 
 def _audited(audit: dict[str, Any]) -> str:

@@ -20,6 +20,7 @@ from ..core.relight.film import moving_light
 from ..core.relight.render import check_outside, prepare, relit
 from ..core.shape import Shape
 from ..core.tradeoff import Variant
+from ..core.tradeoff.excerpt import AROUND
 from ..core.tradeoff.forecast import foretold
 from ..core.tradeoff.goal import Goal, Promise
 from ..core.tradeoff.relight import errors, held_out, variants
@@ -110,7 +111,7 @@ def promised(shape: Shape, capture: Capture, settings: RelightSettings, pictures
     def choices(part: Capture) -> list[Variant]:
         return variants(shape.within(part.mask()), part, settings, pictures)
 
-    return run_with_bar(foretold(choices, capture, np.isfinite(shape.depth), goal))
+    return run_with_bar(foretold(choices, capture, np.isfinite(shape.depth), goal, AROUND))
 
 
 def opened(folder: Path, true_depth: bool) -> tuple[Capture, Shape]:

@@ -12,10 +12,29 @@ from numpy.typing import NDArray
 from ..capture import Capture, Truth
 from ..progress import Progress, Work
 
-BLOCK = 6  # pixels of a side: solvers look at neighbours
 SHARE = 1 / 8  # of the pixels
-FEWEST, MOST = 300, 1200
 SMALLER = 1 / 4  # share of an excerpt that a smaller one has
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large an excerpt is.
+
+    Parameters
+    ----------
+    block : int
+        Pixels of a side of the blocks that are taken, as far as a stage looks at pixels around.
+    fewest, most : int
+        Pixels.
+    """
+
+    block: int
+    fewest: int
+    most: int
+
+
+SINGLE = Size(6, 300, 1200)  # for stages that solve pixels and look at their neighbours
+AROUND = Size(24, 1500, 3000)  # for stages that take what is expected of a pixel from those around it
 
 
 @dataclass(frozen=True)
@@ -33,6 +52,7 @@ class Excerpt(Capture):
 
     shown: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
     values: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+    size: Size = SINGLE
     reads: list[int] = field(default_factory=list)
 
     def image(self, light: int) -> NDArray[np.float32]:
@@ -59,14 +79,14 @@ class Excerpt(Capture):
     def smaller(self) -> Excerpt:
         """Return an excerpt of this one, a :data:`SMALLER` share of its pixels."""
         count = max(round(SMALLER * int(self.shown.sum())), 1)
-        shown = blocks(self.shown, count)
+        shown = blocks(self.shown, count, self.size.block)
         return dataclasses.replace(self, shown=shown, values=self.values[:, shown[self.shown]])
 
 
-def excerpt(capture: Capture, pixels: NDArray[np.bool_]) -> Work[tuple[Excerpt, float]]:
+def excerpt(capture: Capture, pixels: NDArray[np.bool_], size: Size) -> Work[tuple[Excerpt, float]]:
     """Read blocks of some pixels (H, W) of a capture; return them and the seconds that opening a picture takes."""
     total = int(pixels.sum())
-    shown = blocks(pixels, min(max(round(SHARE * total), FEWEST), MOST, total))
+    shown = blocks(pixels, min(max(round(SHARE * total), size.fewest), size.most, total), size.block)
     values = np.empty((len(capture), int(shown.sum()), 3), np.float32)
     start = time.perf_counter()
     for light in range(len(capture)):
@@ -74,14 +94,14 @@ def excerpt(capture: Capture, pixels: NDArray[np.bool_]) -> Work[tuple[Excerpt, 
         yield Progress("read", light + 1, len(capture), "pictures")
     seconds = (time.perf_counter() - start) / len(capture)
     fields = {item.name: getattr(capture, item.name) for item in dataclasses.fields(Capture)}
-    return Excerpt(**fields, shown=shown, values=values), seconds
+    return Excerpt(**fields, shown=shown, values=values, size=size), seconds
 
 
-def blocks(pixels: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
-    """Return about so many of the pixels (H, W), in square blocks that are evenly spread over them."""
+def blocks(pixels: NDArray[np.bool_], count: int, side: int) -> NDArray[np.bool_]:
+    """Return about so many of the pixels (H, W), at least, in square blocks that are evenly spread over them."""
     height, width = pixels.shape
-    row, column = np.mgrid[:height, :width] // BLOCK
-    number = row * (width // BLOCK + 1) + column
+    row, column = np.mgrid[:height, :width] // side
+    number = row * (width // side + 1) + column
     own = np.bincount(number[pixels])
     filled = np.flatnonzero(own)
     # Halving intervals again and again spreads any number of blocks evenly over those that are there.

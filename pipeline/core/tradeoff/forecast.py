@@ -12,38 +12,45 @@ from ..capture import Capture
 from ..errors import LightsphereError
 from ..progress import Progress, Work
 from . import Trial, Variant
-from .excerpt import Excerpt, excerpt
+from .excerpt import SINGLE, Excerpt, Size, excerpt
 from .goal import COMPLETE, Goal, Promise, choose, percent
 
 TRIALS_SHARE = 0.3  # of the budget, after which no more settings are tried
 
 
 def foretold(
-    variants: Callable[[Capture], Sequence[Variant]], capture: Capture, pixels: NDArray[np.bool_], goal: Goal
+    variants: Callable[[Capture], Sequence[Variant]],
+    capture: Capture,
+    pixels: NDArray[np.bool_],
+    goal: Goal,
+    size: Size = SINGLE,
 ) -> Work[Promise]:
     """Try a stage's settings on two excerpts of some pixels (H, W), the lightest first; choose for the goal.
 
     Time is taken to be linear in pixels, by the two excerpts, and in the pictures that are opened; the error is that of
     the larger excerpt. Judging counts: the stage does it, too, to state what it obtained. Trials end when settings
-    reach the target, or would take longer than what is left of the budget. Not modelled: work that grows faster than
-    linearly, and memory that spills to disk.
+    reach the target, when they would take longer than what is left of the budget, or when the next trial would be
+    beyond :data:`TRIALS_SHARE` of it. Not modelled: work that grows faster than linearly, memory that spills to disk,
+    and writing the result.
 
     Raises
     ------
     LightsphereError
         Of the last settings, where none work.
     """
-    large, opening = yield from excerpt(capture, pixels)
+    large, opening = yield from excerpt(capture, pixels, size)
     small, total = large.smaller(), int(pixels.sum())
     pairs = list(zip(variants(small), variants(large), strict=True))
     pairs.sort(key=lambda pair: pair[1].weight)
     found: list[Trial] = []
     problem: LightsphereError | None = None
-    warm = False
+    warm, cost = False, 0.0
     for number, (few, many) in enumerate(pairs):
+        if found and goal.budget is not None and goal.spent + cost * many.weight > TRIALS_SHARE * goal.budget:
+            break
         yield Progress("try", number, len(pairs), "settings")
         try:
-            if not warm:
+            if not warm:  # kernels are compiled and caches filled
                 _timed(few, small)
                 warm = True
             less, _, _ = _timed(few, small)
@@ -53,6 +60,7 @@ def foretold(
             continue
         slope = max(more - less, 0.0) / max(len(large.values[0]) - len(small.values[0]), 1)
         seconds = more + slope * (total - len(large.values[0])) + reads * opening
+        cost = (less + more) / many.weight
         found.append(Trial(many.label, many.settings, seconds, errors))
         if _is_settled(found[-1], goal):
             break
@@ -81,6 +89,4 @@ def _is_settled(trial: Trial, goal: Goal) -> bool:
     is_complete = trial.errors.get("recovered_pct", 100.0) >= 100 * COMPLETE
     if goal.target is not None and is_complete and percent(trial) <= goal.target:
         return True
-    if goal.budget is None:
-        return False
-    return goal.spent + trial.seconds > goal.budget or goal.spent > TRIALS_SHARE * goal.budget
+    return goal.budget is not None and goal.spent + trial.seconds > goal.budget

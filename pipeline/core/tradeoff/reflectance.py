@@ -23,7 +23,7 @@ def variants(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> l
         chosen = dataclasses.replace(settings, model="bivariate", bases=bases)
         label = f"{bases} table" + "s" * (bases > 1)
         described = {"model": "bivariate", "bases": bases}
-        found.append(Variant(label, described, 3.0 + 2 * bases, partial(tables.fit, shape, capture, chosen), _judged))
+        found.append(Variant(label, described, 8.0 * bases, partial(tables.fit, shape, capture, chosen), _judged))
     for clusters in CLUSTERS:
         chosen = dataclasses.replace(settings, model="ggx", clusters=clusters)
         label = f"lobe, {clusters} roughness" + "es" * (clusters > 1)
