@@ -169,7 +169,7 @@ def _promised(
         start = time.perf_counter()
         for light in closed_form.make(form, planned, some, processes):
             yield Progress("samples", light + 1, len(some), "pictures")
-        cost = sampling.Cost(0.0, processes * (time.perf_counter() - start) / len(some), 0.0)
+        cost = sampling.Cost(0.0, 0.0, processes * (time.perf_counter() - start) / len(some), 0.0)
     return sampling.promise(cost, planned, goal, processes, missing)
 
 

@@ -22,11 +22,13 @@ from .plan.audit import LIGHTS as LIGHTS_OF_AUDIT
 from .plan.audit import SAMPLES as SAMPLES_OF_AUDIT
 from .plan.audit import SIDE
 
-LIGHTS, SAMPLES = 12, 8  # of the trial pictures
+LIGHTS, SAMPLES = 10, (2, 12)  # of the trial pictures
+FALLS = (0.25, 0.5)  # by what power of the samples noise falls: 1/2, but slower where few paths find the light
+TINY = 1e-12
 SEEDS = (86028121, 67867967)  # neither a capture's, the probe's nor the audit's
 STEPS, DOUBLINGS = 4, 16  # numbers of samples that are considered in a doubling, and doublings
-CHECKED_SHARE, CHECKED = 0.02, (4, 8)  # of the pictures that are rendered again in the end; fewest and most
-ERROR = "picture_rel_rmse"
+CHECKED_SHARE, CHECKED = 0.02, (6, 12)  # of the pictures that are rendered again in the end; fewest and most
+ERROR = "picture_rel_mae"
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,14 @@ class Cost:
 
     Parameters
     ----------
-    noise : float
-        Squared relative RMSE of pictures of one sample.
+    noise, fall : float
+        Mean error of pictures of one sample, relative to their light; with more it falls by that power of them.
     start, sample : float
         Seconds that a picture takes by itself, and for every sample, with all threads.
     """
 
     noise: float
+    fall: float
     start: float
     sample: float
 
@@ -68,9 +71,8 @@ def promise(cost: Cost, planned: Capture, goal: Goal, processes: int, missing: f
     Returns
     -------
     Promise
-        With the setting ``samples``. The error is the relative RMSE of object pixels over pictures: noise, whose
-        square falls with the number of samples, and what is missing. Not modelled: noise that a few very bright
-        samples make, which trials of few samples may miss.
+        With the setting ``samples``. The error is the mean one of object pixels, relative to their light: noise,
+        and what is missing. Not modelled: light that few paths find, which trials of few samples may miss.
     """
     bounces = planned.notes["transport"]["bounces"]
     numbers = sorted({round(2 ** (k / STEPS)) for k in range(STEPS * DOUBLINGS + 1)}) if bounces else [1]
@@ -80,7 +82,7 @@ def promise(cost: Cost, planned: Capture, goal: Goal, processes: int, missing: f
         audited = cost.seconds(round(SAMPLES_OF_AUDIT * SIDE**2), 2 * LIGHTS_OF_AUDIT, 1)
     trials = []
     for samples in numbers:
-        error = float(np.hypot(missing, np.sqrt(cost.noise / samples)))
+        error = float(np.hypot(missing, cost.noise / samples**cost.fall))
         seconds = cost.seconds(samples, count, processes) + audited
         trials.append(Trial(f"{samples} samples", {"samples": samples}, seconds, {ERROR: error}))
     return choose(trials, goal)
@@ -98,7 +100,7 @@ def obtained(scene: bpy.types.Scene, capture: Capture, missing: float) -> Work[d
     for picture in pictures(scene, capture.camera, transport, capture.lights, chosen, SEEDS[0]):
         again.append(picture[mask])
         yield Progress("check", len(again), len(chosen), "pictures")
-    return {ERROR: float(np.hypot(missing, np.sqrt(_noise(captured, again))))}
+    return {ERROR: float(np.hypot(missing, _noise(captured, again)))}
 
 
 def measured(scene: bpy.types.Scene, planned: Capture) -> Work[Cost]:
@@ -106,18 +108,28 @@ def measured(scene: bpy.types.Scene, planned: Capture) -> Work[Cost]:
     transport = cycles.Transport(**planned.notes["transport"])
     chosen = [int(light) for light in evenly(len(planned), LIGHTS)]
     mask = planned.mask()
-    few = dataclasses.replace(transport, samples=1)
-    many = dataclasses.replace(transport, samples=SAMPLES) if transport.bounces else few
-    found, seconds = [], []
-    for number, (paths, seed) in enumerate(((few, SEEDS[0]), (many, SEEDS[0]), (many, SEEDS[1]))):
-        made = pictures(scene, planned.camera, paths, planned.lights, [chosen[0], *chosen], seed)
-        taken, own = _timed(made)
-        found.append([picture[mask] for picture in own[1:]])
-        seconds.append(taken)
-        yield Progress("samples", number + 1, 3, "trials")
-    sample = max((min(seconds[1:]) - seconds[0]) / (SAMPLES - 1), 0.0) if transport.bounces else 0.0
-    noise = SAMPLES * _noise(found[1], found[2]) if transport.bounces else 0.0
-    return Cost(noise, max(seconds[0] - sample, 0.0), sample)
+    noise, seconds = [], []
+    for samples in SAMPLES if transport.bounces else SAMPLES[:1]:
+        halves = []
+        for seed in SEEDS:
+            paths = dataclasses.replace(transport, samples=samples)
+            taken, own = _timed(pictures(scene, planned.camera, paths, planned.lights, [chosen[0], *chosen], seed))
+            halves.append([picture[mask] for picture in own[1:]])
+            seconds.append(taken)
+            yield Progress("samples", len(seconds), 2 * len(SAMPLES), "trials")
+        noise.append(_noise(*halves))
+    if not transport.bounces:
+        return Cost(0.0, 0.0, min(seconds), 0.0)
+    few, many = SAMPLES
+    slower = min(seconds[2:]) - min(seconds[:2])
+    sample = max(slower / (many - few), 0.0)
+    fall = np.log(max(noise[0], TINY) / max(noise[1], TINY)) / np.log(many / few)
+    return Cost(
+        noise[1] * many ** float(np.clip(fall, *FALLS)),
+        float(np.clip(fall, *FALLS)),
+        max(min(seconds[:2]) - few * sample, 0.0),
+        sample,
+    )
 
 
 def _timed(made: Iterator[NDArray[np.float32]]) -> tuple[float, list[NDArray[np.float32]]]:
@@ -129,12 +141,13 @@ def _timed(made: Iterator[NDArray[np.float32]]) -> tuple[float, list[NDArray[np.
 
 
 def _noise(first: Sequence[NDArray[np.float32]], second: Sequence[NDArray[np.float32]]) -> float:
-    """Return the squared relative RMSE of pictures, from others of the same light and another seed."""
-    squared = power = 0.0
-    for a, b in zip(first, second, strict=True):
-        squared += float(((a.astype(np.float64) - b) ** 2).sum()) / 2
-        power += float((a.astype(np.float64) * b).sum())  # noise has no part in it: the seeds differ
-    return squared / power if power > 0 else 0.0
+    """Return the mean error of pictures relative to their light, from others of the same light and another seed.
+
+    It is the mean of absolute errors: of squared ones it would be that of the few pixels that are too bright by chance.
+    """
+    lost = sum(float(abs(a.astype(np.float64) - b).sum()) for a, b in zip(first, second, strict=True))
+    light = sum(float(a.sum(dtype=np.float64) + b.sum(dtype=np.float64)) for a, b in zip(first, second, strict=True))
+    return float(np.sqrt(2) * lost / light) if light > 0 else 0.0
 
 
 def _checked(capture: Capture) -> int:

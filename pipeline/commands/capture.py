@@ -29,8 +29,8 @@ def capture(
 ) -> None:
     """Render one picture per light of a scene with Cycles; run it again to continue an interrupted one.
 
-    --budget and --target choose how many samples a pixel gets; the error is the relative RMSE of the object's pixels
-    that noise leaves, with what the left-out effects would add.
+    --budget and --target choose how many samples a pixel gets; the error is the mean one of the object's pixels
+    over their mean light: noise, and what effects that are left out would add.
     """
     goal = Goal(budget, target)
     from ..blender import capture as blender

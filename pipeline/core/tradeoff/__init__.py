@@ -24,7 +24,7 @@ WORDS = {
     "depth_expected_pct": "expected depth error, median, % of the object",
     "normal_mae_deg": "mean angle between normals, degrees",
     "material_rel_rms": "relative error of the reflectance",
-    "picture_rel_rmse": "relative error of the pictures",
+    "picture_rel_mae": "mean error of the pictures over their light",
     "relight_rel_rmse": "relative error of the pictures",
     "rerendered_rel_rmse": "relative error of the picture",
 }
