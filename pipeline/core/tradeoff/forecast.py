@@ -58,8 +58,8 @@ def foretold(
         except LightsphereError as error:
             problem = error
             continue
-        slope = max(more - less, 0.0) / max(len(large.values[0]) - len(small.values[0]), 1)
-        seconds = more + slope * (total - len(large.values[0])) + reads * opening
+        counts = (len(small.values[0]), len(large.values[0]))
+        seconds = linear((less, more), counts, total) + reads * opening
         cost = (less + more) / many.weight
         found.append(Trial(many.label, many.settings, seconds, errors))
         if _is_settled(found[-1], goal):
@@ -69,6 +69,12 @@ def foretold(
         assert problem is not None
         raise problem
     return choose(found, goal)
+
+
+def linear(seconds: tuple[float, float], counts: tuple[int, int], total: int) -> float:
+    """Return the seconds that so many pixels in all take, from those of two counts of pixels, the larger one last."""
+    slope = max(seconds[1] - seconds[0], 0.0) / max(counts[1] - counts[0], 1)
+    return seconds[1] + slope * (total - counts[1])
 
 
 def _timed(variant: Variant, part: Excerpt) -> tuple[float, dict[str, float], int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from pipeline.core.progress import Progress, Work, finish
 from pipeline.core.shape.settings import ShapeSettings
 from pipeline.core.tradeoff import Trial, Variant, as_row, dominated, measure
 from pipeline.core.tradeoff.shape import double_sphere
-from pipeline.core.tradeoff.thinning import evenly, thinned
+from pipeline.core.tradeoff.thinning import evenly, thinned, thinned_to
 from tests import synthetic
 
 
@@ -108,3 +109,13 @@ def test_a_row_is_flat() -> None:
         "recovered_pct": 100.0,
         "beaten_by": "slow",
     }
+
+
+def test_at_most_so_many_lights_keep_their_proportion(capture: Capture) -> None:
+    part = thinned_to(capture, 100)
+    assert [len(part.lights.on(surface)) for surface in ("inner", "outer")] == [80, 20]
+    assert thinned_to(capture, 0) is capture
+    assert thinned_to(capture, 400) is capture
+    unknown = dataclasses.replace(capture, lights=dataclasses.replace(capture.lights, kind="unknown"))
+    unknown.lights.surface[:] = 2
+    assert len(thinned_to(unknown, 7)) == 7

@@ -1,0 +1,146 @@
+"""Trials on a part of the pixels foretell what the whole costs and gives, without truth."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.core.capture import Capture
+from pipeline.core.errors import LightsphereError
+from pipeline.core.progress import Progress, Work, finish
+from pipeline.core.reflectance import ReflectanceSettings
+from pipeline.core.reflectance.fit import fit
+from pipeline.core.shape.settings import ShapeSettings
+from pipeline.core.tradeoff import Variant, reflectance
+from pipeline.core.tradeoff.excerpt import AROUND, SINGLE, Size, blocks, excerpt
+from pipeline.core.tradeoff.forecast import foretold, linear
+from pipeline.core.tradeoff.goal import Goal, percent
+from pipeline.core.tradeoff.shape import blind_errors, choices
+from tests import synthetic
+from tests.drawn import Drawn, draw, ggx, solved, two_spheres
+
+BALL = synthetic.ball(synthetic.camera(48))
+
+
+@pytest.fixture(scope="module")
+def capture() -> Drawn:
+    return draw(BALL, two_spheres(), ggx)
+
+
+@pytest.fixture(scope="module")
+def noisy(capture: Drawn) -> Drawn:
+    """The capture with noise, which errors come from."""
+    assert capture.pictures is not None
+    noise = np.random.default_rng(1).normal(1.0, 0.03, capture.pictures.shape)
+    return dataclasses.replace(capture, pictures=capture.pictures * noise.astype(np.float32))
+
+
+@pytest.mark.parametrize("size", [SINGLE, AROUND])
+def test_an_excerpt_shows_some_pixels_as_they_are_and_no_truth(capture: Drawn, size: Size) -> None:
+    found, _ = finish(excerpt(capture, capture.mask(), size))
+    shown = found.mask()
+    count, total = int(shown.sum()), int(capture.mask().sum())
+    assert min(size.fewest, total) <= count < min(size.fewest + size.block**2, total + 1)
+    assert not (shown & ~capture.mask()).any()
+    for light in (0, 99):
+        np.testing.assert_array_equal(found.image(light)[shown], capture.image(light)[shown])
+        assert not found.image(light)[~shown].any()
+    assert found.truth() is None
+    chosen = np.array([3, 70, 99])
+    np.testing.assert_array_equal(found.select(chosen).image(1), found.image(70))
+    assert found.reads == [0, 0, 99, 99, 1, 70]  # whatever was made from it opens its pictures, too
+    smaller = found.smaller()
+    assert 0 < smaller.mask().sum() <= count / 4 + size.block**2
+    assert not (smaller.mask() & ~shown).any()
+    np.testing.assert_array_equal(smaller.image(5)[smaller.mask()], capture.image(5)[smaller.mask()])
+
+
+def test_blocks_are_spread_over_all_pixels() -> None:
+    pixels = np.ones((60, 90), bool)
+    found = blocks(pixels, 600, 6)
+    quarters = [found[i : i + 30, j : j + 45].sum() for i in (0, 30) for j in (0, 45)]
+    assert 600 <= found.sum() < 636
+    assert min(quarters) > 0.5 * 600 / 4
+    assert blocks(pixels, pixels.size, 6).all()
+    assert blocks(np.eye(40, dtype=bool), 10, 6).sum() >= 10
+
+
+def test_time_is_linear_in_pixels() -> None:
+    assert linear((2.0, 3.0), (100, 200), 1000) == pytest.approx(11.0)
+    assert linear((2.0, 3.0), (100, 200), 200) == pytest.approx(3.0)
+    assert linear((3.0, 2.0), (100, 200), 1000) == pytest.approx(2.0)  # noise of the clock
+    assert linear((3.0, 3.0), (100, 100), 100) == pytest.approx(3.0)
+
+
+def pretended(errors: dict[float, float], done: list[float], opened: int = 0) -> Callable[[Capture], list[Variant]]:
+    """Return settings by weight, whose errors are known; those of an infinite error raise."""
+
+    def variants(part: Capture) -> list[Variant]:
+        def work(weight: float) -> Work[float]:
+            done.append(weight)
+            for light in range(opened):
+                part.image(light)
+            if np.isinf(errors[weight]):
+                raise LightsphereError(f"{weight:g} does not work")
+            yield Progress("", 1, 1)
+            return errors[weight]
+
+        def judge(error: float) -> dict[str, float]:
+            return {"relight_rel_rmse": error}
+
+        return [Variant(f"{w:g}", {"samples": w}, w, partial(work, w), judge) for w in errors]
+
+    return variants
+
+
+def promised(capture: Drawn, errors: dict[float, float], goal: Goal) -> tuple[str, NDArray[np.float64]]:
+    done: list[float] = []
+    found = finish(foretold(pretended(errors, done), capture, capture.mask(), goal))
+    return found.expected.label, np.array(done)
+
+
+def test_the_lightest_are_tried_first_and_no_more_than_needed(capture: Drawn) -> None:
+    label, done = promised(capture, {30.0: 0.01, 1.0: 0.5, 10.0: 0.04}, Goal(None, 5.0))
+    assert label == "10"
+    assert done.tolist() == [1, 1, 1, 10, 10]  # the first once more, uncounted
+    label, done = promised(capture, {30.0: 0.01, 1.0: 0.5, 10.0: 0.04}, Goal(1000.0, None))
+    assert label == "30"
+
+
+def test_settings_that_do_not_work_are_passed_over(capture: Drawn) -> None:
+    assert promised(capture, {1.0: np.inf, 10.0: 0.04}, Goal(None, 5.0))[0] == "10"
+    with pytest.raises(LightsphereError, match="10 does not work"):
+        promised(capture, {1.0: np.inf, 10.0: np.inf}, Goal(None, 5.0))
+
+
+def test_shape_gives_about_the_error_that_was_promised(noisy: Drawn) -> None:
+    """Of pixels that were not tried, and without truth."""
+    settings = ShapeSettings()
+    found = finish(foretold(lambda part: choices(part, settings), noisy, noisy.mask(), Goal(None, 1e-9)))
+    assert found.expected.settings["pictures"] == 100
+    assert "no settings are expected to reach" in found.lacks
+    obtained = blind_errors(solved(noisy), noisy)["depth_expected_pct"]
+    assert 1 / 1.5 < percent(found.expected) / obtained < 1.5
+
+
+def test_reflectance_gives_about_the_error_that_was_promised(noisy: Drawn) -> None:
+    settings = ReflectanceSettings()
+
+    def variants(part: Capture) -> list[Variant]:
+        return reflectance.variants(BALL.within(part.mask()), part, settings)
+
+    found = finish(foretold(variants, noisy, noisy.mask(), Goal(None, 50.0)))
+    assert found.expected.settings == {"model": "ggx", "clusters": 1}
+    whole = finish(fit(BALL, noisy, ReflectanceSettings(model="ggx", clusters=1)))
+    assert whole.notes["material_rel_rms"] > 0.01
+    assert 1 / 1.5 < percent(found.expected) / (100 * whole.notes["material_rel_rms"]) < 1.5
+
+
+def test_uncalibrated_is_refused(capture: Drawn) -> None:
+    with pytest.raises(LightsphereError, match="do not serve the method uncalibrated"):
+        choices(capture, ShapeSettings(method="uncalibrated"))
