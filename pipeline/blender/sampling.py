@@ -16,19 +16,20 @@ from ..core.progress import Progress, Work
 from ..core.tradeoff import Trial
 from ..core.tradeoff.goal import Goal, Promise, choose
 from ..core.tradeoff.thinning import evenly
-from . import cycles
+from . import cycles, truth
+from .camera import camera_of
 from .olat import pictures
-from .plan.audit import LIGHTS as LIGHTS_OF_AUDIT
-from .plan.audit import SAMPLES as SAMPLES_OF_AUDIT
-from .plan.audit import SIDE
+from .plan import audit
+from .plan.audit import window_around
 
-SAMPLES = (2, 8, 32)  # of the trial pictures
-TRIED_SHARE, TRIED = 0.04, (8, 16)  # of the lights, under which trials are rendered; fewest and most
+TIMED_LIGHTS, TIMED_SAMPLES = 4, (1, 9)  # of the pictures that are timed
+LIGHTS = 48  # under which noise is measured: it differs between lights by more than ten times
+SAMPLES, SIDE = (2, 8, 32), 40  # of the pictures in which it is, and their width [px]: it does not depend on that
 FALLS = (0.25, 0.5)  # by what power of the samples noise falls: 1/2, but slower where few paths find the light
 TINY = 1e-12
 SEED = 86028121  # neither a capture's, the probe's nor the audit's
 STEPS, DOUBLINGS = 4, 16  # numbers of samples that are considered in a doubling, and doublings
-CHECKED_SHARE, CHECKED = 0.02, (6, 12)  # of the pictures that are rendered better in the end; fewest and most
+WINDOWS, WINDOW_SIDE = 3, 1 / 4  # parts of finished pictures that are rendered better, of the pictures' side
 BETTER = 4  # times the samples
 ERROR = "picture_rel_mae"
 
@@ -50,7 +51,7 @@ class Cost:
     start: float
     sample: float
 
-    def seconds(self, samples: int, count: float, processes: int) -> float:
+    def seconds(self, samples: float, count: float, processes: int) -> float:
         """Return what so many pictures take; what a picture takes by itself is done by the processes side by side."""
         return count * (self.start / processes + self.sample * samples)
 
@@ -78,63 +79,79 @@ def promise(cost: Cost, planned: Capture, goal: Goal, processes: int, missing: f
     """
     bounces = planned.notes["transport"]["bounces"]
     numbers = sorted({round(2 ** (k / STEPS)) for k in range(STEPS * DOUBLINGS + 1)}) if bounces else [1]
-    audited = 0.0
-    if bounces and planned.notes["settings"]["effects"] == "auto":
-        audited = cost.seconds(round(SAMPLES_OF_AUDIT * SIDE**2), 2 * LIGHTS_OF_AUDIT, 1)
+    audited = bounces and planned.notes["settings"]["effects"] == "auto"
     trials = []
     for samples in numbers:
         error = float(np.hypot(missing, cost.noise / samples**cost.fall))
-        seconds = cost.seconds(samples, len(planned), processes) + audited
+        seconds = cost.seconds(samples, len(planned), processes)
         if bounces:
-            seconds += cost.seconds(BETTER * samples, _share_of(planned, CHECKED_SHARE, CHECKED), 1)
+            seconds += cost.seconds(BETTER * samples * WINDOW_SIDE**2, min(LIGHTS, len(planned)), 1)
+        if audited:
+            seconds += cost.seconds(audit.SAMPLES * audit.SIDE**2, 2 * audit.LIGHTS, 1)
         trials.append(Trial(f"{samples} samples", {"samples": samples}, seconds, {ERROR: error}))
     return choose(trials, goal)
 
 
 def obtained(scene: bpy.types.Scene, capture: Capture, missing: float) -> Work[dict[str, float]]:
-    """Return the error of a finished capture: a few pictures are rendered again, better and with another seed."""
+    """Return the error of a finished capture: parts of many pictures are rendered again, better and by another seed."""
     transport = cycles.Transport(**capture.notes["transport"])
     if not transport.bounces:
         return {ERROR: missing}
-    chosen = evenly(len(capture), _share_of(capture, CHECKED_SHARE, CHECKED))
-    mask = capture.mask()
-    captured = [capture.image(int(light))[mask] for light in chosen]
     transport = dataclasses.replace(transport, samples=BETTER * transport.samples)
-    again = []
-    for picture in pictures(scene, capture.camera, transport, capture.lights, chosen, SEED):
-        again.append(picture[mask])
-        yield Progress("check", len(again), len(chosen), "pictures")
+    chosen, mask = evenly(len(capture), LIGHTS), capture.mask()
+    rng = np.random.default_rng(capture.notes["settings"]["seed"])
+    captured, again = [], []
+    for number in range(WINDOWS):
+        window, own = window_around(mask, rng, WINDOW_SIDE), chosen[number::WINDOWS]
+        made = pictures(scene, capture.camera, transport, capture.lights, own, SEED, window=window)
+        for light, picture in zip(own, made, strict=True):
+            shown = mask[window]
+            captured.append(capture.image(int(light))[window][shown])
+            again.append(picture[shown])
+            yield Progress("check", len(again), len(chosen), "windows")
     return {ERROR: float(np.hypot(missing, _noise(captured, again, BETTER)))}
 
 
 def measured(scene: bpy.types.Scene, planned: Capture) -> Work[Cost]:
-    """Measure noise and time in a few pictures of a planned capture, whose mask is on disk."""
+    """Measure noise in small pictures under many lights of a planned capture, and time in a few as large as its own."""
     transport = cycles.Transport(**planned.notes["transport"])
-    chosen = [int(light) for light in evenly(len(planned), _share_of(planned, TRIED_SHARE, TRIED))]
-    mask = planned.mask()
-    found, seconds = [], []
-    for seed, samples in enumerate(SAMPLES if transport.bounces else (1,)):
-        paths = dataclasses.replace(transport, samples=samples)
-        taken, own = _timed(pictures(scene, planned.camera, paths, planned.lights, [chosen[0], *chosen], SEED + seed))
-        found.append([picture[mask] for picture in own[1:]])
-        seconds.append(taken)
-        yield Progress("samples", len(seconds), len(SAMPLES), "trials")
+    samples = TIMED_SAMPLES if transport.bounces else (1,)
+    timed = [int(light) for light in evenly(len(planned), TIMED_LIGHTS)]
+    seconds = []
+    for number in samples:
+        paths = dataclasses.replace(transport, samples=number)
+        made = pictures(scene, planned.camera, paths, planned.lights, [timed[0], *timed], SEED)
+        seconds.append(_timed(made))
+        yield Progress("time", len(seconds), len(samples), "trials")
     if not transport.bounces:
         return Cost(0.0, 0.0, seconds[0], 0.0)
-    few, more, many = SAMPLES
-    noise = [_noise(pictures, found[2], many / samples) for pictures, samples in zip(found, (few, more), strict=False)]
-    fall = np.log(max(noise[0], TINY) / max(noise[1], TINY)) / np.log(more / few)
+    noise = yield from _noises(scene, planned, transport)
+    fall = np.log(max(noise[0], TINY) / max(noise[1], TINY)) / np.log(SAMPLES[1] / SAMPLES[0])
     fall = float(np.clip(fall, *FALLS))
-    sample = max((seconds[2] - seconds[0]) / (many - few), 0.0)
-    return Cost(noise[1] * more**fall, fall, max(seconds[0] - few * sample, 0.0), sample)
+    sample = max((seconds[1] - seconds[0]) / (samples[1] - samples[0]), 0.0)
+    return Cost(noise[1] * SAMPLES[1] ** fall, fall, max(seconds[0] - samples[0] * sample, 0.0), sample)
 
 
-def _timed(made: Iterator[NDArray[np.float32]]) -> tuple[float, list[NDArray[np.float32]]]:
-    """Return the seconds that pictures after the first take on average, and the pictures."""
-    found = [next(made)]  # the scene is read for it
+def _noises(scene: bpy.types.Scene, planned: Capture, transport: cycles.Transport) -> Work[list[float]]:
+    """Return the noise of the first two of :data:`SAMPLES`, by the third."""
+    camera = camera_of(scene, min(SIDE, planned.camera.resolution[0]))
+    mask, lights, found = truth.object_mask(scene, camera), evenly(len(planned), LIGHTS), []
+    for seed, samples in enumerate(SAMPLES):
+        paths = dataclasses.replace(transport, samples=samples)
+        found.append([])
+        for picture in pictures(scene, camera, paths, planned.lights, lights, SEED + seed):
+            found[-1].append(picture[mask])
+            yield Progress("noise", sum(map(len, found)), len(SAMPLES) * len(lights), "pictures")
+    pairs = zip(found[:2], SAMPLES[:2], strict=True)
+    return [_noise(pictures, found[2], SAMPLES[2] / samples) for pictures, samples in pairs]
+
+
+def _timed(made: Iterator[NDArray[np.float32]]) -> float:
+    """Return the seconds that pictures after the first take on average."""
+    next(made)  # the scene is read for it
     start = time.perf_counter()
-    found += made
-    return (time.perf_counter() - start) / (len(found) - 1), found
+    count = sum(1 for _ in made)
+    return (time.perf_counter() - start) / count
 
 
 def _noise(pictures: Sequence[NDArray[np.float32]], better: Sequence[NDArray[np.float32]], times: float) -> float:
@@ -146,8 +163,3 @@ def _noise(pictures: Sequence[NDArray[np.float32]], better: Sequence[NDArray[np.
     lost = sum(float(abs(a.astype(np.float64) - b).sum()) for a, b in zip(pictures, better, strict=True))
     light = sum(float(b.sum(dtype=np.float64)) for b in better)
     return lost / light / float(np.sqrt(1 + 1 / times)) if light > 0 else 0.0
-
-
-def _share_of(capture: Capture, share: float, limits: tuple[int, int]) -> int:
-    """Return how many pictures a share is, within limits."""
-    return min(max(limits[0], min(limits[1], round(share * len(capture)))), len(capture))

@@ -66,7 +66,7 @@ def test_noise_falls_with_the_root_of_the_samples(folder: Path, target: float, s
     cost = sampling.Cost(noise=0.4, fall=0.5, start=0.1, sample=0.01)
     found = sampling.promise(cost, Capture.open(folder), Goal(None, target + 1e-9), 2, 0.0)
     assert found.expected.settings == {"samples": samples}
-    checked = sampling.CHECKED[0] * (0.1 + 0.01 * sampling.BETTER * samples)
+    checked = 18 * (0.1 + 0.01 * sampling.BETTER * samples / 16)
     assert found.expected.seconds == pytest.approx(18 * (0.05 + 0.01 * samples) + checked)
     assert percent(found.expected) == pytest.approx(target)
 

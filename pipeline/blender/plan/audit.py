@@ -71,7 +71,7 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
         lit = (groups > 0) & (captured > 0).any(axis=-1)
         if not lit.any():
             continue
-        window = _window(lit, rng)
+        window = window_around(lit, rng, SIDE)
         work = (pictures(scene, capture.camera, everything, capture.lights, [light], s, window=window) for s in SEEDS)
         parts[light] = (groups[window], captured[window], *map(next, work))
         yield Progress("audit", len(parts), LIGHTS, "lights")
@@ -90,11 +90,11 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
     return Audit(held, names[worst], error, deviation, settings["error"], list(parts), pixels)
 
 
-def _window(shown: NDArray[np.bool_], rng: np.random.Generator) -> tuple[slice, slice]:
-    """Return the rows and columns around a random pixel of the object."""
+def window_around(shown: NDArray[np.bool_], rng: np.random.Generator, side: float) -> tuple[slice, slice]:
+    """Return the rows and columns around a random pixel of those shown (H, W), a share of the picture's side each."""
     places = np.argwhere(shown)
     place = places[rng.integers(len(places))]
-    size = [max(2, round(SIDE * n)) for n in shown.shape]
+    size = [max(2, round(side * n)) for n in shown.shape]
     starts = [int(np.clip(p - s // 2, 0, n - s)) for p, s, n in zip(place, size, shown.shape, strict=True)]
     rows, columns = (slice(start, start + s) for start, s in zip(starts, size, strict=True))
     return rows, columns

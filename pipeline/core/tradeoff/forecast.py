@@ -16,6 +16,7 @@ from .excerpt import SINGLE, Excerpt, Size, excerpt
 from .goal import COMPLETE, Goal, Promise, choose, percent
 
 TRIALS_SHARE = 0.3  # of the budget, after which no more settings are tried
+USEFUL = 0.5  # of the pixels: trials go on, however late, until some settings recover as many
 
 
 def foretold(
@@ -46,7 +47,8 @@ def foretold(
     problem: LightsphereError | None = None
     warm, cost = False, 0.0
     for number, (few, many) in enumerate(pairs):
-        if found and goal.budget is not None and goal.spent + cost * many.weight > TRIALS_SHARE * goal.budget:
+        is_late = goal.budget is not None and goal.spent + cost * many.weight > TRIALS_SHARE * goal.budget
+        if is_late and any(_recovered(trial) >= USEFUL for trial in found):
             break
         yield Progress("try", number, len(pairs), "settings")
         try:
@@ -92,7 +94,10 @@ def _timed(variant: Variant, part: Excerpt) -> tuple[float, dict[str, float], in
 
 def _is_settled(trial: Trial, goal: Goal) -> bool:
     """Tell whether heavier settings need not be tried any more."""
-    is_complete = trial.errors.get("recovered_pct", 100.0) >= 100 * COMPLETE
-    if goal.target is not None and is_complete and percent(trial) <= goal.target:
+    if goal.target is not None and _recovered(trial) >= COMPLETE and percent(trial) <= goal.target:
         return True
-    return goal.budget is not None and goal.spent + trial.seconds > goal.budget
+    return goal.budget is not None and _recovered(trial) >= USEFUL and goal.spent + trial.seconds > goal.budget
+
+
+def _recovered(trial: Trial) -> float:
+    return trial.errors.get("recovered_pct", 100.0) / 100
