@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import tempfile
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -63,8 +64,7 @@ def capture(
     LightsphereError
         For a scene or rig that cannot be captured, a folder that holds another capture, or a full disk.
     """
-    if goal is not None and goal.target is not None:
-        settings = dataclasses.replace(settings, error=min(goal.target, 100.0))
+    settings = settings if goal is None else _aimed(settings, goal)
     started = describe(scene, source, folder, settings)
     folder.mkdir(parents=True, exist_ok=True)
     form, promise = None, None
@@ -93,6 +93,15 @@ def capture(
     finished.save()
     journal.remove()
     return finished
+
+
+def foresee(scene: bpy.types.Scene, source: str, settings: CaptureSettings, goal: Goal) -> Work[Promise]:
+    """Return what a capture is expected to cost and give, by trials that leave nothing behind."""
+    settings = _aimed(settings, goal)
+    with tempfile.TemporaryDirectory() as folder:
+        started = describe(scene, source, Path(folder), settings)
+        planned, _, form, missing = yield from _planned(scene, started, settings)
+        return (yield from _promised(scene, planned, form, goal, missing, settings.workers))
 
 
 def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: CaptureSettings) -> Capture:
@@ -135,12 +144,9 @@ def _begun(
     """
     with cycles.own_lights_hidden(scene):
         truth.write(scene, started.camera, started.folder)
-    decided = yield from plan.decide(scene, started.lights, PlanSettings(**dataclasses.asdict(settings)))
-    planned = dataclasses.replace(started, notes=started.notes | decided.as_notes())
-    renderer, form = yield from closed_form.choose(scene, planned)
+    planned, renderer, form, missing = yield from _planned(scene, started, settings)
     promise = None
     if goal is not None:
-        missing = decided.missing.contribution_pct / 100 if decided.missing else 0.0
         promise = yield from _promised(scene, planned, form, goal, missing, settings.workers)
         samples = promise.expected.settings["samples"]
         for part in (planned.notes["settings"], planned.notes["transport"]):
@@ -150,6 +156,22 @@ def _begun(
     begun = dataclasses.replace(started, notes=notes)
     begun.save()
     return begun, form, promise
+
+
+def _planned(
+    scene: bpy.types.Scene, started: Capture, settings: CaptureSettings
+) -> Work[tuple[Capture, closed_form.Renderer, closed_form.ClosedForm | None, float]]:
+    """Decide which light paths pictures have and what makes them; return that, and the share of light left out."""
+    decided = yield from plan.decide(scene, started.lights, PlanSettings(**dataclasses.asdict(settings)))
+    planned = dataclasses.replace(started, notes=started.notes | decided.as_notes())
+    renderer, form = yield from closed_form.choose(scene, planned)
+    missing = decided.missing.contribution_pct if decided.missing is not None else None
+    return planned, renderer, form, (missing or 0.0) / 100
+
+
+def _aimed(settings: CaptureSettings, goal: Goal) -> CaptureSettings:
+    """Return the settings with effects decided by a goal's target."""
+    return settings if goal.target is None else dataclasses.replace(settings, error=min(goal.target, 100.0))
 
 
 def _promised(

@@ -89,7 +89,9 @@ def promise(cost: Cost, planned: Capture, goal: Goal, processes: int, missing: f
         if audited:
             seconds += cost.seconds(audit.SAMPLES * audit.SIDE**2, 2 * audit.LIGHTS, 1)
         trials.append(Trial(f"{samples} samples", {"samples": samples}, seconds, {ERROR: error}))
-    return choose(trials, goal)
+    chosen = choose(trials, goal)
+    doublings = [trial for trial in trials if np.log2(trial.settings["samples"]).is_integer()]
+    return dataclasses.replace(chosen, trials=doublings)
 
 
 def obtained(scene: bpy.types.Scene, capture: Capture, missing: float) -> Work[dict[str, float]]:

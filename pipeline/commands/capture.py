@@ -12,7 +12,7 @@ from ..core.capture_settings import CaptureSettings
 from ..core.errors import LightsphereError
 from ..core.tradeoff.goal import Goal, told
 from .device import Device, render_on
-from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
+from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
 Scene = Annotated[str, typer.Argument(help="a built-in scene (see lightsphere scenes) or a .blend file")]
 
@@ -25,6 +25,7 @@ def capture(
     device: Device = "auto",
     budget: Budget = None,
     target: Target = None,
+    dry_run: DryRun = False,
     json: JsonFile = None,
 ) -> None:
     """Render one picture per light of a scene with Cycles; run it again to continue an interrupted one.
@@ -38,6 +39,9 @@ def capture(
 
     with Figures("capture", json) as figures:
         figures.values["device"] = render_on(device)
+        if dry_run:
+            figures.foreseen(run_with_bar(blender.foresee(scenes.load(scene), scene, settings, goal)))
+            return
         made = run_with_bar(blender.capture(scenes.load(scene), scene, output, settings, goal if goal else None))
         figures.values["pictures"] = len(made)
         figures.values["effects"] = made.notes["effects"]

@@ -17,7 +17,7 @@ from ..core.shape import Shape
 from ..core.tradeoff import Variant
 from ..core.tradeoff.forecast import foretold
 from ..core.tradeoff.goal import Goal, Promise
-from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
+from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
 
 def capture_of(folder: Path, shape: Shape) -> Capture:
@@ -60,6 +60,7 @@ def reflectance(
     settings: ReflectanceSettings,
     budget: Budget = None,
     target: Target = None,
+    dry_run: DryRun = False,
     json: JsonFile = None,
 ) -> None:
     """Fit basis BRDFs and weight maps, or a lobe per pixel, on a known shape; state the error on lights held out.
@@ -70,9 +71,13 @@ def reflectance(
     with Figures("reflectance", json) as figures:
         opened = Shape.open(shape)
         capture = capture_of(shape, opened)
-        if goal:
-            figures.promise = promised(opened, capture, settings, goal)
-            settings = dataclasses.replace(settings, **figures.promise.expected.settings)
+        if goal or dry_run:
+            promise = promised(opened, capture, settings, goal)
+            if dry_run:
+                figures.foreseen(promise)
+                return
+            figures.promise = promise
+            settings = dataclasses.replace(settings, **promise.expected.settings)
         found = fitted(opened, capture, settings)
         found = dataclasses.replace(found, notes={**found.notes, "shape": os.path.relpath(shape, output)})
         found.save(output)

@@ -26,7 +26,7 @@ from ..core.tradeoff.goal import Goal, Promise
 from ..core.tradeoff.relight import errors, held_out, variants
 from ..core.tradeoff.thinning import thinned_to
 from .reflectance import capture_of
-from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
+from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
 FRAMES = 72
 PER_SECOND = 24
@@ -62,6 +62,7 @@ def relight(
     ] = False,
     budget: Budget = None,
     target: Target = None,
+    dry_run: DryRun = False,
     json: JsonFile = None,
 ) -> None:
     """Make pictures of a captured object under new lights, shadows and interreflection included, without tracing a ray.
@@ -82,10 +83,14 @@ def relight(
             )
         check_outside(shape, [*together, *listed, *moving])
         used, unseen = capture, np.zeros(0, np.int64)
-        if goal:
+        if goal or dry_run:
             count = len(together) + len(listed) + len(moving)
-            figures.promise = promised(shape, capture, settings, count, goal)
-            settings = dataclasses.replace(settings, **figures.promise.expected.settings)
+            promise = promised(shape, capture, settings, count, goal)
+            if dry_run:
+                figures.foreseen(promise)
+                return
+            figures.promise = promise
+            settings = dataclasses.replace(settings, **promise.expected.settings)
             used, unseen = held_out(capture)
         prepared = run_with_bar(prepare(thinned_to(used, settings.pictures), shape, settings))
         output.mkdir(parents=True, exist_ok=True)

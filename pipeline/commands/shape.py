@@ -26,7 +26,7 @@ from ..core.tradeoff.forecast import foretold
 from ..core.tradeoff.goal import Goal
 from ..core.tradeoff.shape import blind_errors, choices
 from ..core.tradeoff.thinning import thinned_to
-from .stage import Budget, Figures, JsonFile, Target, run_with_bar, settings_options
+from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
 MeshFile = Annotated[
     Path | None,
@@ -46,6 +46,7 @@ def shape(
     mesh_unit: Annotated[float, typer.Option(help="length of the mesh's unit [m]", min=1e-9)] = 1.0,
     budget: Budget = None,
     target: Target = None,
+    dry_run: DryRun = False,
     json: JsonFile = None,
 ) -> None:
     """Recover depth and normals of every pixel, for any BRDF; by acls and uncalibrated its reflectance, too.
@@ -54,14 +55,18 @@ def shape(
     the error that depths are expected to have, per cent of the object, or that of pictures under lights held out.
     """
     goal = Goal(budget, target)
-    if mesh and goal:
-        raise LightsphereError("a mesh is taken as it is; leave --budget and --target out")
+    if mesh and (goal or dry_run):
+        raise LightsphereError("a mesh is taken as it is; leave --budget, --target and --dry-run out")
     whole = Capture.open(capture)
     with Figures("shape", json) as figures:
-        if goal:
+        if goal or dry_run:
             work = foretold(lambda part: choices(part, settings), whole, whole.mask(), goal)
-            figures.promise = run_with_bar(work)
-            settings = dataclasses.replace(settings, **figures.promise.expected.settings)
+            promise = run_with_bar(work)
+            if dry_run:
+                figures.foreseen(promise)
+                return
+            figures.promise = promise
+            settings = dataclasses.replace(settings, **promise.expected.settings)
         opened = thinned_to(whole, settings.pictures)
         start = time.perf_counter()
         reflectance, source = None, capture

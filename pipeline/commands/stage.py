@@ -17,12 +17,14 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
+from rich.table import Column, Table
 from rich.text import Text
 
 from ..core import images
 from ..core.progress import Progress, Work, finish
 from ..core.settings import check, limits_of
-from ..core.tradeoff.goal import Promise, told
+from ..core.tradeoff import as_row, dominated
+from ..core.tradeoff.goal import Promise, percent, told
 
 Budget = Annotated[
     float | None,
@@ -37,6 +39,12 @@ Target = Annotated[
         help="instead of settings: the error that will do, with the quickest settings that are expected to reach it, "
         "by trials on a part of the pixels [%]",
         metavar="ERROR",
+    ),
+]
+DryRun = Annotated[
+    bool,
+    typer.Option(
+        "--dry-run", help="do nothing but say what settings are expected to cost and give, by the same trials"
     ),
 ]
 Result = TypeVar("Result")
@@ -192,6 +200,19 @@ class Figures:
         if self.promise is not None:
             self.values["promise"] = kept = self.promise.kept(errors)
             self.summary += f"; {told(kept)}"
+
+    def foreseen(self, promise: Promise) -> None:
+        """State what settings are expected to cost and give, and which are chosen: all that a dry run does."""
+        name = promise.expected.error
+        beaten = dominated(promise.trials)
+        table = Table(Column("settings", no_wrap=True), "seconds", f"{name} [%]", "beaten by")
+        for trial, better in zip(promise.trials, beaten, strict=True):
+            table.add_row(trial.label, f"{trial.seconds:.3g}", f"{percent(trial):.3g}", better)
+        Console().print(table)
+        rows = [as_row(trial, better) for trial, better in zip(promise.trials, beaten, strict=True)]
+        self.values |= {"trials": rows, "chosen": promise.expected.label, "lacks": promise.lacks}
+        wanted = f"{promise.expected.label}" if promise.goal else "nothing chosen: give --budget or --target"
+        self.summary = f"dry run; {wanted}" + (f"; {promise.lacks}" if promise.lacks else "")
 
     def __enter__(self) -> Figures:
         return self

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,16 @@ def test_what_is_missing_no_sample_brings_back(folder: Path) -> None:
     found = sampling.promise(cost, Capture.open(folder), Goal(None, 2.0), 2, missing=0.03)
     assert "no settings are expected to reach 2 %" in found.lacks
     assert percent(found.expected) == pytest.approx(3.0, rel=0.01)
+
+
+def test_a_dry_run_tells_every_doubling_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    found = finish(capture.foresee(scenes.load(SCENE), SCENE, SMALL, Goal(None, TARGET)))
+    assert [trial.settings["samples"] for trial in found.trials] == [2**k for k in range(17)]
+    assert all(np.diff([percent(trial) for trial in found.trials]) < 0)
+    assert all(np.diff([trial.seconds for trial in found.trials]) > 0)
+    assert percent(found.expected) <= TARGET
+    assert not list(tmp_path.iterdir())
 
 
 def test_direct_light_takes_one_sample(tmp_path: Path) -> None:

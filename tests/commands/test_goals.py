@@ -92,6 +92,29 @@ def test_goals_that_are_none_are_refused(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("words", [["shape", "{}/capture"], ["relight", "{}/shape", "--point", "2 -1 2"]])
+def test_a_dry_run_says_what_settings_cost_and_leaves_nothing(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    given = [word.format(folder) for word in words]
+    figures = tmp_path / "figures.json"
+    assert cli.main([*given, "-o", str(tmp_path / "out"), "--dry-run", "--json", str(figures)]) == 0
+    assert not (tmp_path / "out").exists()
+    trials = json.loads(figures.read_text())["trials"]
+    assert len({row["pictures"] for row in trials}) >= 3
+    assert all(row["seconds"] > 0 for row in trials)
+    told = capsys.readouterr().out
+    assert "nothing chosen: give --budget or --target" in told
+    assert all(row["label"] in told for row in trials)
+
+
+def test_a_dry_run_for_a_goal_names_what_it_would_choose(folder: Path, tmp_path: Path) -> None:
+    figures = tmp_path / "figures.json"
+    words = ["reflectance", str(folder / "shape"), "-o", str(tmp_path / "out"), "--dry-run", "--target", "20"]
+    assert cli.main([*words, "--json", str(figures)]) == 0
+    assert json.loads(figures.read_text())["chosen"] == "lobe, 1 roughness"
+
+
 def test_fewer_pictures_may_be_asked_for(folder: Path, tmp_path: Path) -> None:
     words = ["shape", str(folder / "capture"), "-o", str(tmp_path / "out"), "--pictures", "60"]
     assert cli.main(words) == 0

@@ -5,8 +5,8 @@ pass of a compiled kernel over the pixels, and one shadow ray for each that face
 :mod:`.pictures`). A capture is made so after a comparison with Cycles under random lights (:mod:`.capture`).
 """
 
-from .capture import CLOSED_FORM, again, choose, make
+from .capture import CLOSED_FORM, Renderer, again, choose, make
 from .closures import Inexact
 from .pictures import ClosedForm, prepare
 
-__all__ = ["CLOSED_FORM", "ClosedForm", "Inexact", "again", "choose", "make", "prepare"]
+__all__ = ["CLOSED_FORM", "ClosedForm", "Inexact", "Renderer", "again", "choose", "make", "prepare"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..errors import LightsphereError
-from ..progress import Progress, Work
+from ..progress import Progress, Work, finish
 from . import Trial, Variant
 from .excerpt import SINGLE, Excerpt, Size, excerpt
 from .goal import COMPLETE, Goal, Promise, choose, percent
@@ -83,13 +83,8 @@ def _timed(variant: Variant, part: Excerpt) -> tuple[float, dict[str, float], in
     """Do and judge a variant; return seconds, errors, and how many pictures were opened."""
     part.reads.clear()
     start = time.perf_counter()
-    work = variant.work()
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            errors = variant.judge(end.value)
-            return time.perf_counter() - start, errors, len(part.reads)
+    errors = variant.judge(finish(variant.work()))
+    return time.perf_counter() - start, errors, len(part.reads)
 
 
 def _is_settled(trial: Trial, goal: Goal) -> bool:

@@ -61,12 +61,15 @@ class Promise:
         Expected of the whole command.
     lacks : str
         Why the goal is not expected to be met; empty where it is.
+    trials : sequence of Trial
+        Among which was chosen.
     """
 
     goal: Goal
     expected: Trial
     seconds: float
     lacks: str
+    trials: Sequence[Trial]
 
     def kept(self, errors: dict[str, float]) -> dict[str, Any]:
         """Return what was promised and what was obtained by now, as figures; ``errors`` as in :class:`Trial`."""
@@ -115,7 +118,7 @@ def choose(trials: Sequence[Trial], goal: Goal) -> Promise:
     else:
         chosen = quickest
         lacks = f"no settings are expected to end within {goal.budget:g} s: these are the quickest"
-    return Promise(goal, chosen, spent + chosen.seconds, lacks)
+    return Promise(goal, chosen, spent + chosen.seconds, lacks, trials)
 
 
 def percent(trial: Trial) -> float:
