@@ -51,8 +51,8 @@ def shape(
 ) -> None:
     """Recover depth and normals of every pixel, for any BRDF; by acls and uncalibrated its reflectance, too.
 
-    --budget and --target choose lights and bases. The error that they promise is told without truth: the median of
-    the error that depths are expected to have, per cent of the object, or that of pictures under lights held out.
+    --budget and --target choose how many pictures double-sphere uses. The error that they promise is told without
+    truth: the median of the error that depths are expected to have, per cent of the object.
     """
     goal = Goal(budget, target)
     if mesh and (goal or dry_run):
@@ -117,7 +117,7 @@ def shape(
             f", silhouette_overlap_pct {found.notes['silhouette_overlap_pct']:.3g}" if mesh else ""
         )
         if goal:
-            figures.obtained(blind_errors(found, opened))
+            figures.obtained(blind_errors(found, whole))
     for doubt in doubts:
         print(f"lightsphere: {capture}: {doubt}", file=sys.stderr)
     _warn_of_changes(opened)

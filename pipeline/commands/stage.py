@@ -205,13 +205,14 @@ class Figures:
         """State what settings are expected to cost and give, and which are chosen: all that a dry run does."""
         name = promise.expected.error
         beaten = dominated(promise.trials)
-        table = Table(Column("settings", no_wrap=True), "seconds", f"{name} [%]", "beaten by")
+        table = Table(Column("settings", no_wrap=True), "seconds", f"{name} [%]", "recovered [%]", "beaten by")
         for trial, better in zip(promise.trials, beaten, strict=True):
-            table.add_row(trial.label, f"{trial.seconds:.3g}", f"{percent(trial):.3g}", better)
+            numbers = (trial.seconds, percent(trial), trial.errors.get("recovered_pct", 100.0))
+            table.add_row(trial.label, *(f"{number:.3g}" for number in numbers), better)
         Console().print(table)
         rows = [as_row(trial, better) for trial, better in zip(promise.trials, beaten, strict=True)]
         self.values |= {"trials": rows, "chosen": promise.expected.label, "lacks": promise.lacks}
-        wanted = f"{promise.expected.label}" if promise.goal else "nothing chosen: give --budget or --target"
+        wanted = promise.expected.label if promise.goal else "nothing chosen: give --budget or --target"
         self.summary = f"dry run; {wanted}" + (f"; {promise.lacks}" if promise.lacks else "")
 
     def __enter__(self) -> Figures:

@@ -76,13 +76,13 @@ def test_what_is_missing_no_sample_brings_back(folder: Path) -> None:
     cost = sampling.Cost(noise=0.4, fall=0.5, start=0.1, sample=0.01)
     found = sampling.promise(cost, Capture.open(folder), Goal(None, 2.0), 2, missing=0.03)
     assert "no settings are expected to reach 2 %" in found.lacks
-    assert percent(found.expected) == pytest.approx(3.0, rel=0.01)
+    assert percent(found.expected) == pytest.approx(3.0, rel=0.03)
 
 
 def test_a_dry_run_tells_every_doubling_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     found = finish(capture.foresee(scenes.load(SCENE), SCENE, SMALL, Goal(None, TARGET)))
-    assert [trial.settings["samples"] for trial in found.trials] == [2**k for k in range(17)]
+    assert [trial.settings["samples"] for trial in found.trials] == [2**k for k in range(13)]
     assert all(np.diff([percent(trial) for trial in found.trials]) < 0)
     assert all(np.diff([trial.seconds for trial in found.trials]) > 0)
     assert percent(found.expected) <= TARGET

@@ -80,7 +80,7 @@ def test_a_budget_that_is_too_short_is_said_and_work_done(folder: Path, tmp_path
     [
         (["shape", "{}/capture", "--budget", "0"], "budget is 0; it must be more than 0"),
         (["relight", "{}/shape", "--point", "2 -1 2", "--target=-3"], "target is -3; it must be more than 0"),
-        (["shape", "{}/capture", "--mesh", "a.ply", "--target", "1"], "leave --budget and --target out"),
+        (["shape", "{}/capture", "--mesh", "a.ply", "--target", "1"], "leave --budget, --target and --dry-run out"),
         (["shape", "{}/capture", "--method", "uncalibrated", "--target", "1"], "do not serve the method uncalibrated"),
     ],
 )

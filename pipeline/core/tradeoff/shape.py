@@ -12,18 +12,19 @@ from ..capture import Capture
 from ..compare.shapes import shape_errors
 from ..errors import LightsphereError
 from ..progress import Work, finish
-from ..reflectance import ReflectanceSettings
-from ..reflectance.fit import fit
+from ..reflectance import ReflectanceSettings, fit, tables
 from ..shape import Shape
 from ..shape.double_sphere import recover as by_double_sphere
 from ..shape.photometric.recover import recover as by_photometric_stereo
 from ..shape.settings import ShapeSettings
 from ..shape.uncalibrated.recover import recover as by_unknown_lights
 from . import Variant
+from .excerpt import SINGLE, blocks
 from .thinning import FRACTIONS, SOURCE_FRACTIONS, evenly, fewer, thinned, thinned_to
 
 PHOTOGRAPHS = (6, 8, 12, 24)
 BASES = (1, 2, 3)
+JUDGED, JUDGED_BASES = 1200, 2  # pixels under distant lights by whose reflectance normals are judged, and its bases
 PHASES = {"read": 0.1, "shape": 0.9}
 
 
@@ -43,21 +44,19 @@ def variants(capture: Capture) -> list[Variant]:
 
 
 def choices(capture: Capture, settings: ShapeSettings) -> list[Variant]:
-    """Return the settings among which a goal chooses: lights and bases, the rest as it is set.
+    """Return the settings among which a goal chooses: how many pictures are used, the rest as it is set.
 
     Raises
     ------
     LightsphereError
-        For the method uncalibrated, whose time a part of the pixels does not tell.
+        For methods other than double-sphere, whose time a part of the pixels does not tell.
     """
-    if settings.method == "uncalibrated":
+    if settings.method != "double-sphere":
         raise LightsphereError(
-            "--budget and --target do not serve the method uncalibrated; --pictures 8 makes it quicker, "
-            "and lightsphere tradeoff shows what that costs"
+            f"--budget, --target and --dry-run do not serve the method {settings.method}; --pictures 24 makes it "
+            "quicker, and lightsphere tradeoff shows what that costs"
         )
-    if settings.method == "double-sphere":
-        return double_sphere(capture, FRACTIONS, settings)
-    return photometric(capture, settings)
+    return double_sphere(capture, FRACTIONS, settings)
 
 
 def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeSettings) -> list[Variant]:
@@ -137,5 +136,10 @@ def blind_errors(shape: Shape, capture: Capture) -> dict[str, float]:
     if expected is not None:
         extent = float(np.ptp(shape.points()[known], axis=0).max())
         return {"depth_expected_pct": 100 * float(np.median(expected[known])) / extent, **recovered}
-    fitted = finish(fit(shape, capture, ReflectanceSettings()))
-    return {"material_rel_rms": fitted.notes["material_rel_rms"], **recovered}
+    notes: dict[str, Any]
+    if capture.lights.kind == "near":
+        notes = finish(fit.fit(shape, capture, ReflectanceSettings())).notes
+    else:
+        sample = shape.within(blocks(known, JUDGED, SINGLE.block))
+        notes = finish(tables.fit(sample, capture, ReflectanceSettings(bases=JUDGED_BASES))).notes
+    return {"material_rel_rms": notes["material_rel_rms"], **recovered}

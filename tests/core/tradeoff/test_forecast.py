@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.core.capture import Capture
 from pipeline.core.errors import LightsphereError
+from pipeline.core.lights import Lights
 from pipeline.core.progress import Progress, Work, finish
 from pipeline.core.reflectance import ReflectanceSettings
 from pipeline.core.reflectance.fit import fit
@@ -21,8 +22,8 @@ from pipeline.core.tradeoff.excerpt import AROUND, SINGLE, Size, blocks, excerpt
 from pipeline.core.tradeoff.forecast import foretold, linear
 from pipeline.core.tradeoff.goal import Goal, percent
 from pipeline.core.tradeoff.shape import blind_errors, choices
-from tests import synthetic
-from tests.drawn import Drawn, draw, ggx, solved, two_spheres
+from tests import oracles, synthetic
+from tests.drawn import Drawn, draw, ggx, lambert, solved, two_spheres
 
 BALL = synthetic.ball(synthetic.camera(48))
 
@@ -141,6 +142,20 @@ def test_reflectance_gives_about_the_error_that_was_promised(noisy: Drawn) -> No
     assert 1 / 1.5 < percent(found.expected) / (100 * whole.notes["material_rel_rms"]) < 1.5
 
 
-def test_uncalibrated_is_refused(capture: Drawn) -> None:
-    with pytest.raises(LightsphereError, match="do not serve the method uncalibrated"):
-        choices(capture, ShapeSettings(method="uncalibrated"))
+@pytest.mark.parametrize("method", ["acls", "lambertian", "uncalibrated"])
+def test_methods_whose_time_a_part_does_not_tell_are_refused(capture: Drawn, method: str) -> None:
+    with pytest.raises(LightsphereError, match=f"do not serve the method {method}"):
+        choices(capture, ShapeSettings(method=method))
+
+
+@pytest.mark.slow
+def test_normals_under_distant_lights_are_judged_by_lights_held_out() -> None:
+    """Without truth: those of the ball explain pictures that no fit saw, those of a wrong ball do not."""
+    directions = oracles.unit(np.array([[np.cos(a) * r, np.sin(a) * r, 1.0] for r in (0.4, 0.9) for a in range(12)]))
+    lights = Lights("distant", directions, np.full((24, 3), np.pi), np.full(24, 2))
+    small = synthetic.ball(synthetic.camera(14))
+    drawn = draw(small, lights, lambert)
+    right = blind_errors(small, drawn)
+    wrong = blind_errors(dataclasses.replace(small, normal=small.normal[:, ::-1]), drawn)
+    assert right["recovered_pct"] == wrong["recovered_pct"] == 100
+    assert right["material_rel_rms"] < 0.05 < 4 * right["material_rel_rms"] + 0.1 < wrong["material_rel_rms"]
