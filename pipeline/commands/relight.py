@@ -23,7 +23,7 @@ from ..core.tradeoff import Variant
 from ..core.tradeoff.excerpt import AROUND
 from ..core.tradeoff.forecast import foretold
 from ..core.tradeoff.goal import Goal, Promise
-from ..core.tradeoff.relight import errors, held_out, variants
+from ..core.tradeoff.relight import held_out, held_out_errors, variants
 from ..core.tradeoff.thinning import thinned_to
 from .reflectance import capture_of
 from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
@@ -107,7 +107,7 @@ def relight(
         figures.values.update(pictures=count, emitters=len(together) + len(listed) + len(moving))
         figures.summary = f"{count} pictures in {output}" + (f", film.mp4 of {FRAMES} of them" if film else "")
         if goal:
-            figures.obtained(errors(prepared, capture, unseen))
+            figures.obtained(held_out_errors(prepared, capture, unseen))
 
 
 def promised(shape: Shape, capture: Capture, settings: RelightSettings, pictures: int, goal: Goal) -> Promise:

