@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+import tokenize
+import zipfile
+import zlib
+
+#: What numpy raises for an .npz that is damaged, wherever the damage is.
+BROKEN_NPZ: tuple[type[Exception], ...] = (
+    *(OSError, ValueError, EOFError, KeyError, TypeError, RuntimeError, OverflowError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+)
+
 
 class LightsphereError(Exception):
     """The input is at fault: the message says what is wrong, then what to do.

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import io
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
-from ..errors import LightsphereError
+from ..errors import BROKEN_NPZ, LightsphereError
 from . import Brdf
 from .parametric import MODELS, parameters
 from .tabulated import Tabulated, directions, filled
@@ -137,7 +136,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with np.load(path, allow_pickle=False) as data:
             return {name: data[name] for name in data}
-    except (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except BROKEN_NPZ as error:
         raise LightsphereError(f"the file is damaged ({error}); write it again") from error
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import light_file
-from ..errors import LightsphereError
+from ..errors import BROKEN_NPZ, LightsphereError
 from ..lights import Lights
 from .diligent import unit_or_nan
 from .folder import directions
@@ -77,7 +75,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
             return {IMAGES[0]: np.load(path, mmap_mode="r")}
         with np.load(path) as file:
             return {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+    except BROKEN_NPZ as error:
         raise LightsphereError(f"{path} cannot be read ({error}); save it again by numpy, without objects") from error
 
 

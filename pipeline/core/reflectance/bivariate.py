@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
-from ..errors import LightsphereError
+from ..errors import BROKEN_NPZ, LightsphereError
 from . import FILE, Reflectance
 from .angles import difference_angles, half_angles
 
@@ -130,7 +130,7 @@ class Bivariate:
                 [np.stack([channels[f"{k}.{x}"] for x in letters], axis=-1) for k in range(table.shape[2])], axis=2
             )
             return cls(table, seen, weights, channels["error.V"], notes)
-        except (KeyError, TypeError, ValueError, OSError) as error:
+        except BROKEN_NPZ as error:
             raise LightsphereError(f"{folder} is damaged ({error!r}); run the stage that made it again") from error
 
 
