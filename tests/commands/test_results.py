@@ -79,7 +79,7 @@ def test_what_follows_on_the_source_is_tried_and_written_as_table_and_plot(folde
     with (tmp_path / "tradeoff.csv").open(newline="") as file:
         assert [row["label"] for row in csv.DictReader(file)] == [row["label"] for row in rows]
     assert (tmp_path / "tradeoff.png").read_bytes().startswith(b"\x89PNG")
-    by_model = {row["lights"]: row["relight_rel_rmse"] for row in rows if row["interpolation"] == "model"}
+    by_model = {row["pictures"]: row["relight_rel_rmse"] for row in rows if row["interpolation"] == "model"}
     assert by_model[max(by_model)] < by_model[min(by_model)]  # lights make it better
 
 
