@@ -110,11 +110,11 @@ def relight(
             figures.obtained(held_out_errors(prepared, capture, unseen))
 
 
-def promised(shape: Shape, capture: Capture, settings: RelightSettings, pictures: int, goal: Goal) -> Promise:
-    """Choose the settings for a goal, with a bar."""
+def promised(shape: Shape, capture: Capture, settings: RelightSettings, made: int, goal: Goal) -> Promise:
+    """Choose the settings for a goal and so many pictures, with a bar."""
 
     def choices(part: Capture) -> list[Variant]:
-        return variants(shape.within(part.mask()), part, settings, pictures)
+        return variants(shape.within(part.mask()), part, settings, made)
 
     return run_with_bar(foretold(choices, capture, np.isfinite(shape.depth), goal, AROUND))
 

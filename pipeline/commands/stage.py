@@ -9,7 +9,8 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -23,7 +24,7 @@ from rich.text import Text
 from ..core import images
 from ..core.progress import Progress, Work, finish
 from ..core.settings import check, limits_of
-from ..core.tradeoff import as_row, dominated
+from ..core.tradeoff import Trial, as_row, dominated
 from ..core.tradeoff.goal import Promise, percent, told
 
 Budget = Annotated[
@@ -181,6 +182,17 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def print_trials(
+    trials: Sequence[Trial], beaten: Sequence[str], columns: Mapping[str, Callable[[Trial], float]]
+) -> None:
+    """Print a table of trials; beside what they cost, columns by their headings, and which other beats each."""
+    table = Table(Column("settings", no_wrap=True), "seconds", *columns, "beaten by")
+    for trial, better in zip(trials, beaten, strict=True):
+        numbers = (trial.seconds, *(number(trial) for number in columns.values()))
+        table.add_row(trial.label, *(f"{number:.3g}" for number in numbers), better)
+    Console().print(table)
+
+
 class Figures:
     """The figures of one run: seconds and peak memory by themselves, others as they are found.
 
@@ -205,11 +217,8 @@ class Figures:
         """State what settings are expected to cost and give, and which are chosen: all that a dry run does."""
         name = promise.expected.error
         beaten = dominated(promise.trials)
-        table = Table(Column("settings", no_wrap=True), "seconds", f"{name} [%]", "recovered [%]", "beaten by")
-        for trial, better in zip(promise.trials, beaten, strict=True):
-            numbers = (trial.seconds, percent(trial), trial.errors.get("recovered_pct", 100.0))
-            table.add_row(trial.label, *(f"{number:.3g}" for number in numbers), better)
-        Console().print(table)
+        columns = {f"{name} [%]": percent, "recovered [%]": attrgetter("recovered_pct")}
+        print_trials(promise.trials, beaten, columns)
         rows = [as_row(trial, better) for trial, better in zip(promise.trials, beaten, strict=True)]
         self.values |= {"trials": rows, "chosen": promise.expected.label, "lacks": promise.lacks}
         wanted = promise.expected.label if promise.goal else "nothing chosen: give --budget or --target"

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Column, Table
 
 from ..core import images
 from ..core.capture import FILE as CAPTURE_FILE
@@ -25,7 +23,7 @@ from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
 from ..core.tradeoff import STAGES, Trial, as_row, dominated, measure
 from .reflectance import capture_of
-from .stage import Figures, JsonFile, run_with_bar
+from .stage import Figures, JsonFile, print_trials, run_with_bar
 
 #: What is timed, in the words of a plot's axis.
 TIMED = {
@@ -154,7 +152,4 @@ def write(folder: Path, stage: str, trials: Sequence[Trial], rows: Sequence[dict
 
 def _print(trials: Sequence[Trial], beaten: Sequence[str]) -> None:
     names = [trials[0].error, *(name for name in BESIDE if name in trials[0].errors)]
-    table = Table(Column("settings", no_wrap=True), "seconds", *names, "beaten by")
-    for trial, better in zip(trials, beaten, strict=True):
-        table.add_row(trial.label, f"{trial.seconds:.3g}", *(f"{trial.errors[name]:.3g}" for name in names), better)
-    Console().print(table)
+    print_trials(trials, beaten, {name: lambda trial, name=name: trial.errors[name] for name in names})

@@ -56,6 +56,11 @@ class Trial:
         """The name of the error to judge by."""
         return next(name for name in self.errors if name in WORDS)
 
+    @property
+    def recovered_pct(self) -> float:
+        """How much of the object was recovered [%]; everything where that is no question."""
+        return self.errors.get("recovered_pct", 100.0)
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -126,7 +131,7 @@ def dominated(trials: Sequence[Trial]) -> list[str]:
 
     def costs(trial: Trial) -> tuple[float, float, float]:
         wrong = trial.errors[trial.error]  # not a number where nothing was recovered
-        return trial.seconds, np.inf if np.isnan(wrong) else wrong, -trial.errors.get("recovered_pct", 100.0)
+        return trial.seconds, np.inf if np.isnan(wrong) else wrong, -trial.recovered_pct
 
     names = []
     for trial in trials:

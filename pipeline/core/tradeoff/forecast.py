@@ -48,7 +48,7 @@ def foretold(
     warm, cost = False, 0.0
     for number, (few, many) in enumerate(pairs):
         is_late = goal.budget is not None and goal.spent + cost * many.weight > TRIALS_SHARE * goal.budget
-        if is_late and any(_recovered(trial) >= USEFUL for trial in found):
+        if is_late and any(trial.recovered_pct >= 100 * USEFUL for trial in found):
             break
         yield Progress("try", number, len(pairs), "settings")
         try:
@@ -89,10 +89,6 @@ def _timed(variant: Variant, part: Excerpt) -> tuple[float, dict[str, float], in
 
 def _is_settled(trial: Trial, goal: Goal) -> bool:
     """Tell whether heavier settings need not be tried any more."""
-    if goal.target is not None and _recovered(trial) >= COMPLETE and percent(trial) <= goal.target:
+    if goal.target is not None and trial.recovered_pct >= 100 * COMPLETE and percent(trial) <= goal.target:
         return True
-    return goal.budget is not None and _recovered(trial) >= USEFUL and goal.spent + trial.seconds > goal.budget
-
-
-def _recovered(trial: Trial) -> float:
-    return trial.errors.get("recovered_pct", 100.0) / 100
+    return goal.budget is not None and trial.recovered_pct >= 100 * USEFUL and goal.spent + trial.seconds > goal.budget

@@ -102,8 +102,8 @@ def choose(trials: Sequence[Trial], goal: Goal) -> Promise:
         What the stage is expected to cost and give; not empty.
     goal : Goal
     """
-    most = max(trial.errors.get("recovered_pct", 100.0) for trial in trials)
-    complete = [trial for trial in trials if trial.errors.get("recovered_pct", 100.0) >= COMPLETE * most]
+    most = max(trial.recovered_pct for trial in trials)
+    complete = [trial for trial in trials if trial.recovered_pct >= COMPLETE * most]
     quickest = min(complete, key=lambda trial: trial.seconds)
     spent, lacks = goal.spent, ""
     timely = [trial for trial in complete if goal.budget is None or spent + trial.seconds <= goal.budget]

@@ -24,7 +24,7 @@ PICTURES = 12  # lights that are held out and relit
 DIM = 0.05  # of the brightest picture's mean: what is below tells nothing, such as a light under the ground
 
 
-def variants(shape: Shape, capture: Capture, settings: RelightSettings, pictures: int = PICTURES) -> list[Variant]:
+def variants(shape: Shape, capture: Capture, settings: RelightSettings, made: int = PICTURES) -> list[Variant]:
     """Return what is tried: fewer lights, interpolated by the model or by the source's rule.
 
     Every picture that is judged is the capture's own under a light that was taken out. Its neighbours are farther from
@@ -35,8 +35,8 @@ def variants(shape: Shape, capture: Capture, settings: RelightSettings, pictures
     shape, capture : Shape, Capture
     settings : RelightSettings
         What is not varied.
-    pictures : int
-        How many are made, and timed.
+    made : int
+        How many pictures are relit, and timed.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def variants(shape: Shape, capture: Capture, settings: RelightSettings, pictures
 
             def work(part: Capture = part, chosen: RelightSettings = chosen) -> Work[Stack | Expected]:
                 prepared = yield from prepare(part, shape, chosen)
-                for number in range(pictures):
+                for number in range(made):
                     yield from relit(prepared, [_emitter(capture, int(unseen[number % len(unseen)]))])
                 return prepared
 

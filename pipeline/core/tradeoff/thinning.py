@@ -16,16 +16,16 @@ FEWEST = 8  # lights of a surface, or distant ones
 def thinned_to(capture: Capture, count: int) -> Capture:
     """Return the capture with at most so many of its lights, evenly spread; with all of them where count is 0.
 
-    Lights on two surfaces keep their proportion, at least :data:`FEWEST` of each; unknown lights are spread over the
-    order of the photographs.
+    Lights on two surfaces keep their proportion, at least :data:`FEWEST` of each, so that as many as :func:`fewer`
+    leaves of either are as many again; unknown lights are spread over the order of the photographs.
     """
     if not 0 < count < len(capture):
         return capture
     lights = capture.lights
-    surfaces = [len(lights.on(surface)) for surface in ("inner", "outer")]
-    if all(surfaces):
-        inner, outer = (fewer(count / len(capture), own) for own in surfaces)
-        return thinned(capture, inner, outer)
+    inner, outer = (len(lights.on(surface)) for surface in ("inner", "outer"))
+    if inner and outer:
+        outer = fewer(count / len(capture), outer)
+        return thinned(capture, max(count - outer, min(FEWEST, inner)), outer)
     if lights.kind == "unknown":
         return capture.select(evenly(len(capture), count))
     return capture.select(np.sort(spread(lights.position, count)))

@@ -119,3 +119,13 @@ def test_at_most_so_many_lights_keep_their_proportion(capture: Capture) -> None:
     unknown = dataclasses.replace(capture, lights=dataclasses.replace(capture.lights, kind="unknown"))
     unknown.lights.surface[:] = 2
     assert len(thinned_to(unknown, 7)) == 7
+
+
+@pytest.mark.parametrize("fraction", [0.02, 0.06, 0.125, 0.25, 0.5])
+def test_as_many_pictures_as_were_tried_are_those_that_were_tried(capture: Capture, fraction: float) -> None:
+    """Also where one surface keeps more than its share, for eight are the fewest."""
+    tried = double_sphere(capture, (fraction,), ShapeSettings())[0]
+    inner, outer = map(int, tried.label.split("/"))
+    again = thinned_to(capture, tried.settings["pictures"])
+    assert again.files == thinned(capture, inner, outer).files
+    assert len(again) == tried.settings["pictures"]
