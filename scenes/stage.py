@@ -34,9 +34,9 @@ def add_object(
     return object
 
 
-def add_ground(scene: bpy.types.Scene, height: float) -> bpy.types.Object:
-    """Add the Lambertian disk under the object, inside every light sphere of radius 2 m and more."""
-    radius = math.sqrt(WITHIN**2 - height**2)
+def add_ground(scene: bpy.types.Scene, height: float, radius: float = 0.0) -> bpy.types.Object:
+    """Add the Lambertian disk under the object; without a radius [m] inside every light sphere of 2 m and more."""
+    radius = radius or math.sqrt(WITHIN**2 - height**2)
     rim = [Vector((math.cos(a), math.sin(a), 0)) * radius for a in (math.tau * i / 96 for i in range(96))]
     data = bpy.data.meshes.new("Ground")
     data.from_pydata(rim, [], [tuple(range(len(rim)))])

@@ -75,6 +75,15 @@ def grid(points: NDArray[np.float64]) -> Mesh:
     return Mesh(points.reshape(-1, 3), faces)
 
 
+def closed_grid(points: NDArray[np.float64], pole: NDArray[np.bool_] | None = None) -> Mesh:
+    """Join rows of points as :func:`grid` does; those of a row at a pole, the first and last as a rule, are one."""
+    rows, columns = points.shape[:2]
+    at_pole = np.isin(np.arange(rows), (0, rows - 1)) if pole is None else pole
+    surface = grid(points)
+    index = np.arange(rows * columns)
+    return Mesh(surface.vertices, np.where(np.repeat(at_pole, columns), index - index % columns, index)[surface.faces])
+
+
 def lathe(profile: NDArray[np.float64], columns: int) -> Mesh:
     """Revolve a profile (N, 2) of radius and height, outermost side to the right of its direction, about z."""
     angle = 2 * np.pi * np.arange(columns) / columns
@@ -82,10 +91,7 @@ def lathe(profile: NDArray[np.float64], columns: int) -> Mesh:
     points = np.empty((len(profile), columns, 3))
     points[..., :2] = profile[:, None, :1] * circle
     points[..., 2] = profile[:, None, 1]
-    surface = grid(points)
-    pole = np.repeat(profile[:, 0] == 0, columns)
-    index = np.arange(len(pole))
-    return Mesh(surface.vertices, np.where(pole, index - index % columns, index)[surface.faces])
+    return closed_grid(points, pole=profile[:, 0] == 0)
 
 
 def mirrored_tube(patches: NDArray[np.float64], rows: int, columns: int) -> Mesh:

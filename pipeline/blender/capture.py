@@ -130,9 +130,14 @@ def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: Captur
         notes["scene_sha256"] = images.checksum(Path(source))
     notes["settings"] = {k: v for k, v in dataclasses.asdict(settings).items() if k != "workers"}
     notes["diameter"] = float((high - low).max())
-    digits = max(4, len(str(len(lights) - 1)))
-    files = tuple(f"light_{i:0{digits}d}.exr" for i in range(len(lights)))
+    files = picture_names(len(lights))
     return Capture(folder, camera, lights, files, ("",) * len(files), notes)
+
+
+def picture_names(count: int) -> tuple[str, ...]:
+    """Return the names of a capture's pictures."""
+    digits = max(4, len(str(count - 1)))
+    return tuple(f"light_{i:0{digits}d}.exr" for i in range(count))
 
 
 def _begun(

@@ -88,8 +88,8 @@ def one_thread_each() -> Iterator[None]:
             oiio.attribute(name, value)
 
 
-def write_png(path: Path, values: NDArray[Any]) -> None:
-    """Write (H, W) or (H, W, 3) values from 0 to 1 as a PNG of 16 bits, as they are, atomically.
+def write_png(path: Path, values: NDArray[Any], bits: int = 16) -> None:
+    """Write (H, W) or (H, W, 3) values from 0 to 1 as a PNG of 16 or 8 bits, as they are, atomically.
 
     Raises
     ------
@@ -97,9 +97,10 @@ def write_png(path: Path, values: NDArray[Any]) -> None:
         When the file cannot be written.
     """
     oiio = openimageio()
-    whole = np.round(65535 * np.clip(values, 0.0, 1.0)).astype(np.uint16)
+    kind = np.uint8 if bits == 8 else np.uint16
+    whole = np.round((2**bits - 1) * np.clip(values, 0.0, 1.0)).astype(kind)
     whole = np.ascontiguousarray(whole.reshape(*whole.shape[:2], -1))
-    spec = oiio.ImageSpec(whole.shape[1], whole.shape[0], whole.shape[2], "uint16")
+    spec = oiio.ImageSpec(whole.shape[1], whole.shape[0], whole.shape[2], f"uint{bits}")
     partial = partial_name(path)
     file = oiio.ImageOutput.create("out.png")
     if not (file.open(str(partial), spec) and file.write_image(whole) and file.close()):

@@ -13,19 +13,29 @@ from .output import caught_output
 
 
 def library() -> dict[str, Any]:
-    """Return the built-in scenes by name; they live beside this package, whatever it is called."""
-    package = __package__.removesuffix("pipeline.blender") + "scenes"
-    scenes: dict[str, Any] = importlib.import_module(f"{package}.library").SCENES
+    """Return the built-in scenes by name."""
+    scenes: dict[str, Any] = part("library").SCENES
     return scenes
+
+
+def part(name: str) -> Any:
+    """Return a module of the scenes' package, which lives beside this one, whatever it is called."""
+    return importlib.import_module(f"{__package__.removesuffix('pipeline.blender')}scenes.{name}")
+
+
+def empty() -> bpy.types.Scene:
+    """Return a scene of nothing, in place of what is open."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.world = None
+    return scene
 
 
 def load(name: str) -> bpy.types.Scene:
     """Load a built-in scene by name or a .blend by path into this Blender, replacing what is open."""
     scenes = library()
     if name in scenes:
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        scene = bpy.context.scene
-        scene.world = None
+        scene = empty()
         scenes[name].build(scene)
         return scene
     path = Path(name)

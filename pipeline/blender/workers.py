@@ -1,17 +1,11 @@
-"""Processes that render pictures of a capture side by side.
-
-A worker prints ``ready`` once its scene is loaded, then reads the index of a light from its standard input, one a
-line, and answers each with one line: ``picture INDEX SHA256`` when it is on disk, or ``error TEXT``. It ends with its
-input, so that none outlives its parent.
-"""
+"""Processes that render pictures of a capture side by side: each is told the index of a light at a time, and answers
+``picture INDEX SHA256`` when it is on disk."""
 
 from __future__ import annotations
 
 import os
 import queue
-import subprocess
 import sys
-import tempfile
 import threading
 from collections import deque
 from collections.abc import Iterator
@@ -21,6 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import LightsphereError
+from ..core.workers import Died, Worker
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -65,7 +60,7 @@ class Pool:
     def __init__(self, count: int, words: list[str], pending: deque[int]) -> None:
         self._pending = pending
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._processes: list[subprocess.Popen[str]] = []
+        self._workers: list[Worker] = []
         self._threads: list[threading.Thread] = []
         self._start(count, words)
 
@@ -73,12 +68,10 @@ class Pool:
         return self
 
     def __exit__(self, *error: object) -> None:
-        for process in self._processes:
-            process.kill()
+        for worker in self._workers:
+            worker.kill()
         for thread in self._threads:
             thread.join()
-        for process in self._processes:
-            process.wait()
 
     def finished(self) -> Iterator[tuple[int, str]]:
         """Yield light and checksum of the pictures that workers finished meanwhile; see :meth:`wait` for errors."""
@@ -107,56 +100,31 @@ class Pool:
     def _start(self, count: int, words: list[str]) -> None:
         arguments, environment = command_line(*words)
         for _ in range(count):
-            errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the thread that reads it
-            process = subprocess.Popen(
-                arguments,
-                env=environment,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                text=True,
-                start_new_session=True,  # an interrupt reaches this process alone, which then ends the workers
-            )
-            thread = threading.Thread(target=self._feed, args=(process, errors), daemon=True)
-            self._processes.append(process)
+            worker = Worker(arguments, environment)
+            thread = threading.Thread(target=self._feed, args=(worker,), daemon=True)
+            self._workers.append(worker)
             self._threads.append(thread)
             thread.start()
 
-    def _feed(self, process: subprocess.Popen[str], errors: Any) -> None:
+    def _feed(self, worker: Worker) -> None:
         """Once a worker is ready, give it a light at a time until none is left or it fails; pass its answers on."""
-        assert process.stdin is not None and process.stdout is not None
-        with errors, process.stdout:
-            try:
-                with process.stdin:
-                    _answer(process.stdout, "ready")
-                    for light in taken(self._pending):
-                        process.stdin.write(f"{light}\n")
-                        process.stdin.flush()
-                        words = _answer(process.stdout, "picture").split()
-                        self._answers.put((int(words[0]), words[1]))
-            except LightsphereError as error:
-                self._answers.put(error)
-            except (OSError, EOFError):
-                self._answers.put(_cause_of_death(process, errors))
+        try:
+            worker.wait_until_ready()
+            for light in taken(self._pending):
+                number, checksum = worker.ask(light, "picture").split()
+                self._answers.put((int(number), checksum))
+        except LightsphereError as error:
+            self._answers.put(error)
+        except Died as death:
+            self._answers.put(_cause_of(death))
+        finally:
+            worker.close()
 
 
-def _cause_of_death(process: subprocess.Popen[str], errors: Any) -> Exception:
-    status = process.wait()
-    if status < 0:
+def _cause_of(death: Died) -> Exception:
+    if death.status < 0:
         return LightsphereError(
-            f"a worker was killed by signal {-status}, perhaps for want of memory; run again with fewer --workers, "
-            "finished pictures are kept"
+            f"a worker was killed by signal {-death.status}, perhaps for want of memory; run again with fewer "
+            "--workers, finished pictures are kept"
         )
-    errors.seek(0)
-    return RuntimeError(f"a worker ended with status {status}: {errors.read().decode(errors='replace')[-4000:]}")
-
-
-def _answer(lines: Any, expected: str) -> str:
-    """Return what follows the expected word on a worker's next line that is an answer; Blender prints others."""
-    for line in lines:
-        kind, _, rest = line.rstrip("\n").partition(" ")
-        if kind == expected:
-            return str(rest)
-        if kind == "error":
-            raise LightsphereError(rest)
-    raise EOFError
+    return RuntimeError(str(death))

@@ -6,6 +6,7 @@ import typer
 
 from .capture import capture, capture_worker
 from .compare import compare
+from .dataset import dataset, dataset_worker, verify
 from .demo import demo
 from .export import export_worker
 from .import_ import import_photographs
@@ -35,3 +36,6 @@ def add_commands(app: typer.Typer) -> None:
     app.command()(inverse)
     app.command()(compare)
     app.command()(tradeoff)
+    app.command()(dataset)
+    app.command("dataset-worker", hidden=True)(dataset_worker)
+    app.command()(verify)

@@ -73,7 +73,7 @@ def double_sphere(settings: CaptureSettings, centre: NDArray[np.float64]) -> Lig
 
 def distant(count: int, axis: NDArray[np.float64]) -> Lights:
     """Return distant lights over the hemisphere about an axis, each of irradiance pi [W/m^2]."""
-    direction = hemisphere(count) @ _to_axis(axis).T
+    direction = hemisphere(count) @ to_axis(axis).T
     return Lights("distant", direction, np.full((count, 3), np.pi), np.full(count, 2))
 
 
@@ -122,7 +122,7 @@ def _spiral(z: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
 
 
-def _to_axis(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_axis(axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a rotation that takes z to a unit axis."""
     side = np.cross([0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0], axis)
     side /= np.linalg.norm(side)

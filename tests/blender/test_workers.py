@@ -45,7 +45,7 @@ def test_wrong_input_of_a_worker_reaches_its_parent(tmp_path: Path) -> None:
 
 def test_killed_worker_is_explained(captured: Capture) -> None:
     with workers.Pool(1, ["capture-worker", SCENE, str(captured.folder)], deque([0])) as pool:
-        pool._processes[0].kill()
+        pool._workers[0].kill()
         with pytest.raises(LightsphereError, match=r"killed by signal 9.*fewer --workers"):
             pool.wait()
 
@@ -62,6 +62,6 @@ def test_failing_worker_is_a_bug_with_its_traceback(captured: Capture, tmp_path:
 
 def test_worker_that_nobody_needs_is_ended() -> None:
     with workers.Pool(2, ["capture-worker", SCENE, "nowhere"], deque()) as pool:
-        processes = pool._processes
+        workers_of_it = pool._workers
         assert list(pool.finished()) == []
-    assert all(process.poll() is not None for process in processes)
+    assert all(worker.has_ended for worker in workers_of_it)

@@ -6,7 +6,7 @@ out may change any group by more than a third of the error asked for. What was d
 (:mod:`.audit`).
 """
 
-from .decide import MOST_BOUNCES, decide, own_light
-from .effects import Effect, Plan
+from .decide import MOST_BOUNCES, decide, own_light, unmeasured
+from .effects import NOISE, SATURATION, Effect, Plan
 
-__all__ = ["MOST_BOUNCES", "Effect", "Plan", "decide", "own_light"]
+__all__ = ["MOST_BOUNCES", "NOISE", "SATURATION", "Effect", "Plan", "decide", "own_light", "unmeasured"]

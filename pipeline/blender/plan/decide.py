@@ -42,14 +42,11 @@ def decide(scene: bpy.types.Scene, lights: Lights | None, settings: PlanSettings
         When an override is not an effect, or the scene has no camera.
     """
     overrides = settings.overrides
-    absent = ruled_out(scene)
-    if lights is not None:
-        absent |= dict.fromkeys((DEPTH_OF_FIELD, MOTION_BLUR), "a capture's camera is a pinhole and stands still")
-        absent |= {names.FALL_OFF: "lights are distant"} if lights.kind == "distant" else {}
+    absent = _absent(scene, lights)
     possible = [name for name in SWITCHES if name not in absent]
     inside = [name for name in INSIDE if name not in absent]
     if settings.effects == "direct" or not (possible or inside):
-        return _direct(absent, lights, settings)
+        return _direct(absent, 1 if lights is not None else settings.samples, "left out by --effects direct")
     return (yield from _Decision(scene, lights, settings, overrides, absent).plan())
 
 
@@ -59,13 +56,37 @@ def own_light(scene: bpy.types.Scene) -> bool:
     return lamps or names.EMISSION not in ruled_out(scene)
 
 
-def _direct(absent: dict[str, str], lights: Lights | None, settings: PlanSettings) -> Plan:
-    """Return the plan of direct light alone, nothing measured."""
-    samples = 1 if lights is not None else settings.samples
+def unmeasured(scene: bpy.types.Scene, lights: Lights, bounces: int, samples: int) -> Plan:
+    """Return a plan of all that a scene can show under a rig up to a number of bounces, decided without a render."""
+    absent = _absent(scene, lights)
+    possible = [name for name in SWITCHES if name not in absent]
+    if not bounces or not (possible or [name for name in INSIDE if name not in absent]):
+        return _direct(absent, 1, "left out: no bounces")
     rows = [_kept(names.SHADOWS, absent), _kept(names.FALL_OFF, absent)]
-    rows += [Effect(n, False, absent.get(n, "left out by --effects direct")) for n in (*SWITCHES, *INSIDE)]
-    rows += [Effect(name, False, reason) for name, reason in SENSOR.items()]
-    return Plan(tuple(rows), dataclasses.replace(cycles.DIRECT, samples=samples))
+    rows += [Effect(n, n not in absent, absent.get(n, "the scene can show it")) for n in (*SWITCHES, *INSIDE)]
+    rows += [Effect(f"bounces beyond {bounces}", False, "left out"), *_of_sensor()]
+    switches = {switch: name in possible for name, switch in SWITCHES.items()}
+    return Plan(tuple(rows), cycles.Transport(bounces, **switches, samples=samples))
+
+
+def _absent(scene: bpy.types.Scene, lights: Lights | None) -> dict[str, str]:
+    """Return the effects that pictures of a scene under a rig, or its own light, cannot show, with the reasons."""
+    absent = ruled_out(scene)
+    if lights is not None:
+        absent |= dict.fromkeys((DEPTH_OF_FIELD, MOTION_BLUR), "a capture's camera is a pinhole and stands still")
+        absent |= {names.FALL_OFF: "lights are distant"} if lights.kind == "distant" else {}
+    return absent
+
+
+def _direct(absent: dict[str, str], samples: int, reason: str) -> Plan:
+    """Return the plan of direct light alone, nothing measured."""
+    rows = [_kept(names.SHADOWS, absent), _kept(names.FALL_OFF, absent)]
+    rows += [Effect(n, False, absent.get(n, reason)) for n in (*SWITCHES, *INSIDE)]
+    return Plan((*rows, *_of_sensor()), dataclasses.replace(cycles.DIRECT, samples=samples))
+
+
+def _of_sensor() -> list[Effect]:
+    return [Effect(name, False, reason) for name, reason in SENSOR.items()]
 
 
 def _kept(name: str, absent: dict[str, str]) -> Effect:
@@ -107,7 +128,7 @@ class _Decision:
         planned, transport, shortened = yield from self._shortened(transport, whole)
         rows += shortened + [self._of_material(name) for name in INSIDE]
         rows += [Effect(name, False, self._absent[name]) for name in SWITCHES if name in self._absent]
-        rows += [Effect(name, False, reason) for name, reason in SENSOR.items()]
+        rows += _of_sensor()
         seconds = {"planned": max(self._seconds(planned, transport.samples), direct.seconds)}
         seconds["everything"] = max(self._seconds(whole, self._settings.samples), direct.seconds)
         saved = 1 - seconds["planned"] / seconds["everything"]

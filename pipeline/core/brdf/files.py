@@ -6,7 +6,8 @@ square root, the others even; a value times 1/1500 (red), 1.15/1500 (green), 1.6
 one was not measured. ``.npz``: an array ``model``, a word, and what that model needs (``docs/brdf_files.md``)::
 
     table              table (TH, TD, 3) or (TH, TD, PD, 3) [1/sr], theta_h (TH,), theta_d (TD,), phi_d (PD,) [rad];
-                       NaN where f is not known; without model, too
+                       NaN where f is not known; without model, too. Several materials on the same angles may stand
+                       in one file, each table under a name of its own in place of ``table``
     torrance-sparrow   diffuse (3,), specular (3,), sigma
     ward               diffuse (3,), specular (3,), alpha_x, alpha_y
 """
@@ -15,6 +16,8 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +32,19 @@ from .tabulated import Tabulated, directions, filled
 
 MERL = (90, 90, 180)
 MERL_SCALE = np.array([1.0, 1.15, 1.66]) / 1500
+TABLE = "table"
 BLOCK = 65536  # directions that are evaluated at once
 
 
-def read_brdf(path: Path) -> Brdf:
-    """Read a BRDF from a ``.binary`` or ``.npz`` file.
+def read_brdf(path: Path, name: str = TABLE) -> Brdf:
+    """Read a BRDF from a ``.binary`` or ``.npz`` file; of one with many tables that of a name, see :func:`tables_in`.
 
     Raises
     ------
     LightsphereError
         When the file is missing, of another kind, damaged or without values; the message names it.
     """
-    readers = {".binary": _read_merl, ".npz": _read_npz}
+    readers: dict[str, Callable[[Path], Brdf]] = {".binary": _read_merl, ".npz": partial(_read_npz, name=name)}
     if not path.is_file():
         raise LightsphereError(f"{path} is missing; give a BRDF file")
     if path.suffix.lower() not in readers:
@@ -51,6 +55,18 @@ def read_brdf(path: Path) -> Brdf:
         raise LightsphereError(f"{path}: {error}") from error
     except OSError as error:
         raise LightsphereError(f"{path} cannot be read ({error}); copy it again") from error
+
+
+def tables_in(path: Path) -> list[str]:
+    """Return the names of the tables of a file, sorted; that of a file of one BRDF is :data:`TABLE`."""
+    if path.suffix.lower() != ".npz":
+        return [TABLE]
+    try:
+        found = _arrays(path)
+    except LightsphereError as error:
+        raise LightsphereError(f"{path}: {error}") from error
+    several = sorted(name for name, array in found.items() if array.ndim in (3, 4) and array.shape[-1] == 3)
+    return [TABLE] if "model" in found or TABLE in found or not several else several
 
 
 def write_merl(path: Path, brdf: Brdf) -> None:
@@ -80,7 +96,7 @@ def write_npz(path: Path, brdf: Brdf) -> None:
     LightsphereError
         When the BRDF is of another kind, or the file cannot be written.
     """
-    kinds: dict[str, type[Any]] = {"table": Tabulated, **MODELS}
+    kinds: dict[str, type[Any]] = {TABLE: Tabulated, **MODELS}
     for name, kind in kinds.items():
         if isinstance(brdf, kind):
             data = io.BytesIO()
@@ -109,19 +125,21 @@ def _read_merl(path: Path) -> Brdf:
     return Tabulated(table, *merl_nodes())
 
 
-def _read_npz(path: Path) -> Brdf:
+def _read_npz(path: Path, name: str) -> Brdf:
     arrays = _arrays(path)
-    model = str(arrays.get("model", "table"))
-    if model != "table" and model not in MODELS:
+    if name != TABLE and name in arrays:
+        arrays = {**arrays, TABLE: arrays[name]}
+    model = str(arrays.get("model", TABLE))
+    if model != TABLE and model not in MODELS:
         raise LightsphereError(f"the model {model!r} is unknown; choose one of table, {', '.join(MODELS)}")
-    wanted = ("table", "theta_h", "theta_d") if model == "table" else parameters(MODELS[model])
+    wanted = ("table", "theta_h", "theta_d") if model == TABLE else parameters(MODELS[model])
     if missing := [name for name in wanted if name not in arrays]:
         raise LightsphereError(f"{', '.join(missing)} is missing; docs/brdf_files.md says what the file needs")
     numbers = {name: _numbers(name, arrays[name]) for name in (*wanted, "phi_d") if name in arrays}
-    if model != "table":
+    if model != TABLE:
         chosen = [numbers[name] if numbers[name].ndim else float(numbers[name]) for name in wanted]
         return MODELS[model](*chosen)  # type: ignore[no-any-return]
-    table = numbers["table"]
+    table = numbers[TABLE]
     if table.ndim == 3:
         table = table[:, :, None]
     if table.ndim != 4:

@@ -1,0 +1,142 @@
+"""A dataset from begin to end: what is missing is made by whoever makes samples, listed, packed and described."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ..errors import LightsphereError
+from ..progress import Progress, Work
+from . import folder as dataset
+from . import shards
+from .draw import Sample, draw
+from .farm import Outcome
+from .recipe import Recipe
+
+BYTES = {"half": 2, "float": 4}
+TRIED = 4  # samples that a forecast makes
+
+
+class Crew(Protocol):
+    """Whoever makes samples."""
+
+    def outcomes(self) -> Iterator[Outcome]:
+        """Yield what became of every sample, as it becomes known."""
+
+
+#: Takes on a crew for some samples.
+Hire = Callable[[Sequence[int]], AbstractContextManager[Crew]]
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a run made.
+
+    Parameters
+    ----------
+    samples : list of Sample
+        All that are there, those of earlier runs, too.
+    new : int
+        How many of them this run made.
+    missing : dict of int to str
+        Why others are not there.
+    shared : list of Path
+        Files of many samples.
+    """
+
+    samples: list[Sample]
+    new: int
+    missing: dict[int, str]
+    shared: list[Path]
+
+
+def make(folder: Path, recipe: Recipe, hire: Hire) -> Work[Made]:
+    """Make the samples of a begun dataset that are not there or not whole.
+
+    Raises
+    ------
+    LightsphereError
+        When the disk is full; what is finished is kept.
+    """
+    dataset.remove_partial(folder)
+    wanted = yield from dataset.to_make(folder, recipe.count)
+    missing: dict[int, str] = {}
+    there = recipe.count - len(wanted)
+    if wanted:
+        with hire(wanted) as crew:
+            for outcome in crew.outcomes():
+                if outcome.missing:
+                    _check_disk(folder, recipe, outcome, there)
+                    missing[outcome.index] = outcome.missing
+                else:
+                    there += 1
+                yield Progress("make", there + len(missing), recipe.count, "samples")
+        dataset.remove_partial(folder)
+    samples = [draw(recipe, index) for index in range(recipe.count) if index not in missing]
+    dataset.write_manifest(folder, recipe, missing)
+    packed = []
+    if "webdataset" in recipe.output.formats:
+        packed = yield from shards.write(folder, samples, recipe.output.shard)
+    return Made(samples, len(wanted) - len(missing), missing, packed)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a dataset is expected to take.
+
+    Parameters
+    ----------
+    renders : int
+        Pictures, exactly.
+    seconds : float
+        Of one process, its start left out.
+    size : float
+        On disk [bytes].
+    """
+
+    renders: int
+    seconds: float
+    size: float
+
+
+def forecast(recipe: Recipe, folder: Path, timed: Callable[[int], float]) -> Work[Forecast]:
+    """Foretell a dataset from a few of its samples, which are made in a folder that was begun.
+
+    Time and size of a sample are taken as a fixed part and one for each of its pictures.
+
+    Parameters
+    ----------
+    timed : callable
+        Makes a sample and returns the seconds that it took.
+    """
+    pictures = [draw(recipe, index).lights for index in range(recipe.count)]
+    chosen = np.unique(np.argsort(pictures, kind="stable")[np.linspace(0, recipe.count - 1, TRIED).astype(int)])
+    seconds, sizes = [], []
+    for done, index in enumerate(map(int, chosen), start=1):
+        seconds.append(timed(index))
+        sizes.append(sum(path.stat().st_size for _, path in dataset.files_of(folder, index)))
+        yield Progress("try", done, len(chosen), "samples")
+    tried = np.array([[1.0, pictures[index]] for index in chosen])
+    total = np.array([recipe.count, sum(pictures)], np.float64)
+    twice = 1 + recipe.truth.direct
+    packed = 1 + ("webdataset" in recipe.output.formats)
+    expected = [float(total @ nnls(tried, np.array(values, np.float64))[0]) for values in (seconds, sizes)]
+    return Forecast(twice * sum(pictures), expected[0], packed * expected[1])
+
+
+def _check_disk(folder: Path, recipe: Recipe, outcome: Outcome, there: int) -> None:
+    """Raise LightsphereError when a sample could not be made because no space is left."""
+    sample = draw(recipe, outcome.index)
+    largest = 3 * (sample.lights + 8) * recipe.camera.resolution**2 * BYTES[recipe.render.pixel_type]
+    if shutil.disk_usage(folder).free < largest:
+        raise LightsphereError(
+            f"the disk of {folder} is full, {there} of {recipe.count} samples are there ({outcome.missing}); "
+            "free space, then go on by --resume"
+        )
