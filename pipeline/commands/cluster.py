@@ -7,6 +7,7 @@ in the output once, for its files are moved into place whole (:func:`pipeline.co
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import threading
@@ -124,6 +125,7 @@ class Cluster:
             from distributed import Client
         except ImportError as error:
             raise LightsphereError("--scheduler needs Dask; install it: pip install 'lightsphere[dataset]'") from error
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it loses is handed in again here
         try:
             self._client = Client(self._address, timeout=PATIENCE)
         except (OSError, ValueError, TimeoutError) as error:

@@ -96,9 +96,13 @@ def render(recipe: Recipe, sample: Sample, place: Path, threads: int) -> Capture
         else plan.unmeasured(scene, lights, recipe.render.bounces, recipe.render.samples)
     )
     capture = dataclasses.replace(capture, notes=notes | planned.as_notes())
+    direct = _of_direct_light(capture)
     if recipe.truth.direct and planned.transport.bounces:
-        _pictures(scene, _of_direct_light(capture), threads)
+        _pictures(scene, direct, threads)
     capture = _pictures(scene, capture, threads)
+    if recipe.truth.direct and not planned.transport.bounces:
+        for name, same in zip(direct.files, capture.files, strict=True):
+            shutil.copyfile(place / same, place / name)
     return _finished(capture if is_ideal(recipe.sensor) else _exposed(recipe, sample, capture))
 
 

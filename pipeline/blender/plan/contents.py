@@ -45,6 +45,8 @@ NO_SURFACE = ("CURVES", "POINTCLOUD", "VOLUME")
 ANYTHING = frozenset({DIFFUSE, GLOSSY, TRANSMISSION, SUBSURFACE, EMISSION})
 FLAT = 1e-6  # of the extent: to float32 coordinates, points this close are one and lie in one plane
 SMALLEST_DENT = 1e-5  # of volume and area
+FACES_TRIED, CORNERS_TRIED = 200, 5000  # when looking for a dent that is easy to see
+DEEP = 1e-3  # of the extent: a dent that is easy to see
 
 
 def ruled_out(scene: bpy.types.Scene) -> dict[str, str]:
@@ -180,12 +182,27 @@ def _faces_nothing(scene: bpy.types.Scene) -> bool:
     moments = np.linalg.svd(np.cov(corners.T), compute_uv=False) if extent else np.zeros(3)
     if moments[-1] <= (FLAT * extent) ** 2:
         return True
-    return _is_convex(triangles) and _is_closed(np.round(corners / (FLAT * extent)).astype(np.int64))
+    if _shows_a_dent(triangles, extent):
+        return False
+    steps = np.round((corners - corners.min(axis=0)) / (FLAT * extent)).astype(np.int64)
+    _, first, vertex = np.unique(steps @ (1, 2**21, 2**42), return_index=True, return_inverse=True)
+    return _is_closed(vertex.reshape(-1, 3)) and _is_convex(triangles, corners[first])
 
 
-def _is_convex(triangles: NDArray[np.float64]) -> bool:
-    """Return whether triangles (T, 3, 3), if they are a closed surface, have the volume and area of their hull."""
-    corners = triangles.reshape(-1, 3)
+def _shows_a_dent(triangles: NDArray[np.float64], extent: float) -> bool:
+    """Return whether corners lie well on both sides of one of a few large triangles; quick where the hull is not."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    some = np.argsort(area)[len(area) // 2 :: max(1, len(area) // (2 * FACES_TRIED))]
+    some = some[area[some] > 0]
+    corners = triangles[:: max(1, len(triangles) // CORNERS_TRIED)].reshape(-1, 3)
+    normal = normal[some] / area[some, None]
+    height = corners @ normal.T - (triangles[some, 0] * normal).sum(axis=1)
+    return bool(((height.max(axis=0) > DEEP * extent) & (height.min(axis=0) < -DEEP * extent)).any())
+
+
+def _is_convex(triangles: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
+    """Return whether triangles (T, 3, 3), a closed surface of some corners, have the volume and area of their hull."""
     try:
         hull = ConvexHull(corners)
     except QhullError:
@@ -196,11 +213,10 @@ def _is_convex(triangles: NDArray[np.float64]) -> bool:
     return bool(np.allclose((volume, area), (hull.volume, hull.area), rtol=SMALLEST_DENT))
 
 
-def _is_closed(corners: NDArray[np.int64]) -> bool:
-    """Return whether every edge of triangles, corners (3 T, 3), is shared by two that run along it in opposite ways."""
-    _, index = np.unique(corners, axis=0, return_inverse=True)
-    faces = index.reshape(-1, 3)
+def _is_closed(faces: NDArray[np.int64]) -> bool:
+    """Return whether every edge of triangles (T, 3) is shared by two that run along it in opposite ways."""
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    edges = np.concatenate([faces[:, (0, 1)], faces[:, (1, 2)], faces[:, (2, 0)]])
-    one_way, other_way = ({(int(a), int(b)) for a, b in pairs} for pairs in (edges, edges[:, ::-1]))
-    return len(one_way) == len(edges) and one_way == other_way
+    start, end = (np.concatenate([faces[:, i] for i in order]) for order in ((0, 1, 2), (1, 2, 0)))
+    count = int(faces.max(initial=0)) + 1
+    one_way, other_way = np.sort(start * count + end), np.sort(end * count + start)
+    return bool((np.diff(one_way) > 0).all() and np.array_equal(one_way, other_way))

@@ -99,7 +99,7 @@ class Farm:
     def pids(self) -> list[int]:
         """Numbers of the processes at work."""
         with self._lock:
-            return [worker.pid for worker in self._workers.values()]
+            return [worker.pid for worker in self._workers.values() if not worker.has_ended]
 
     def outcomes(self) -> Iterator[Outcome]:
         """Yield what became of every sample, as it becomes known.
@@ -121,15 +121,16 @@ class Farm:
 
     def _tend(self, place: int) -> None:
         """Keep one process at work."""
-        failures = 0
+        failures: Counter[bool] = Counter()
         while (worker := self._new_worker(place)) is not None:
             try:
                 worker.wait_until_ready()
-                failures = 0
+                failures.clear()
                 self._feed(worker)
             except Died as death:
-                failures += 1
-                if failures >= STARTS and not self._stopped:
+                outside = death.status in FROM_OUTSIDE
+                failures[outside] += 1
+                if failures[outside] >= (KILLS if outside else STARTS) and not self._stopped:
                     self._answers.put(RuntimeError(f"workers end before they can work: {death}"))
                     return
             except Exception as error:  # a bug here must not leave the main thread waiting

@@ -246,6 +246,8 @@ class Recipe:
                     f"output.formats has {name!r}, a layout for {kind} lights, and lights.layout is "
                     f"{self.lights.layout!r}; change one"
                 )
+        if "webdataset" in self.output.formats and "capture" not in self.output.formats:
+            raise LightsphereError("output.formats has 'webdataset', which packs captures; add 'capture'")
         if "near" in self.output.formats and self.camera.model != "pinhole":
             raise LightsphereError("output.formats has 'near', a layout for pinhole cameras; change camera.model")
 

@@ -121,14 +121,23 @@ def forecast(recipe: Recipe, folder: Path, timed: Callable[[int], float]) -> Wor
     seconds, sizes = [], []
     for done, index in enumerate(map(int, chosen), start=1):
         seconds.append(timed(index))
-        sizes.append(sum(path.stat().st_size for _, path in dataset.files_of(folder, index)))
+        sizes.append(_size(folder, recipe, index))
         yield Progress("try", done, len(chosen), "samples")
     tried = np.array([[1.0, pictures[index]] for index in chosen])
     total = np.array([recipe.count, sum(pictures)], np.float64)
     twice = 1 + recipe.truth.direct
-    packed = 1 + ("webdataset" in recipe.output.formats)
     expected = [float(total @ nnls(tried, np.array(values, np.float64))[0]) for values in (seconds, sizes)]
-    return Forecast(twice * sum(pictures), expected[0], packed * expected[1])
+    return Forecast(twice * sum(pictures), *expected)
+
+
+def _size(folder: Path, recipe: Recipe, index: int) -> int:
+    """Return how much a finished sample takes, in a shard, too, if it is to be in one [bytes]."""
+    total = 0
+    for name, path in dataset.files_of(folder, index):
+        size = path.stat().st_size
+        packed = "webdataset" in recipe.output.formats and name.startswith("capture/")
+        total += size + (shards.member_size(size) if packed else 0)
+    return total
 
 
 def _check_disk(folder: Path, recipe: Recipe, outcome: Outcome, there: int) -> None:

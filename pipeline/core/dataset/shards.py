@@ -43,6 +43,11 @@ def write(folder: Path, samples: Sequence[Sample], size: int) -> Work[list[Path]
     return made
 
 
+def member_size(size: int) -> int:
+    """Return what a file of some size takes in a tar file: whole blocks, and one for its name [bytes]."""
+    return tarfile.BLOCKSIZE * (1 + -(-size // tarfile.BLOCKSIZE))
+
+
 def _pack(shard: Path, folder: Path, samples: Sequence[Sample]) -> None:
     partial = shard.with_name(f".{shard.name}{dataset.PART}")
     try:
