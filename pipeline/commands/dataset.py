@@ -28,6 +28,7 @@ from .stage import Figures, JsonFile, run_with_bar
 
 SHEET = "datasheet.html"
 SCALES = (10_000, 100_000, 1_000_000)  # samples that a dry run also tells of
+NUMPY_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 SHOWN = 10  # faults that are printed
 
 
@@ -136,7 +137,8 @@ def worker(folder: Path, threads: int, device: str) -> Worker:
     from ..blender.workers import command_line
 
     words = ("dataset-worker", str(folder), "--threads", str(threads), "--device", device)
-    return Worker(*command_line(*words))
+    arguments, environment = command_line(*words)
+    return Worker(arguments, environment | dict.fromkeys(NUMPY_THREADS, str(threads)))
 
 
 def _on_cluster(address: str, folder: Path, device: str) -> Any:

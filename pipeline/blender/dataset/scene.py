@@ -31,19 +31,19 @@ def build(recipe: Recipe, sample: Sample) -> tuple[bpy.types.Scene, str]:
     LightsphereError
         For a scene, mesh or BRDF file that cannot be read.
     """
+    is_scene = False
     if sample.shape in SHAPES:
         scene = _made(sample)
     elif Path(sample.shape).suffix.lower() in scans.IMPORTERS:
         scene = _mesh(sample)
     else:
-        scene = scenes.load(sample.shape)
+        scene, is_scene = scenes.load(sample.shape), True
     name = OWN
     if sample.material != OWN:
         material, name = material_of(recipe, sample)
         _clothe(scene, material)
-    low, high = bounds(geometry.object_triangles(scene))
-    is_scene = sample.shape not in SHAPES and Path(sample.shape).suffix.lower() not in scans.IMPORTERS
     if recipe.shape.ground and not is_scene:
+        low, high = bounds(geometry.object_triangles(scene))
         scenes.part("stage").add_ground(scene, float(low[2]), GROUND * float(np.linalg.norm(high - low)) / 2)
     return scene, name
 
