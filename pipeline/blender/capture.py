@@ -217,7 +217,8 @@ def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture, chosen: 
     if different := [name for name in now if earlier[name] != now[name] and name not in chosen]:
         words = ", ".join(f"{name} {earlier.get(name)}, not {now[name]}" for name in different)
         raise LightsphereError(f"{found.folder} holds a capture with {words}; choose another folder or delete it")
-    if found.lights.as_json() != wanted.lights.as_json() or found.camera.as_json() != wanted.camera.as_json():
+    parts = [(one.lights.as_json(), one.camera.as_json(), one.files) for one in (found, wanted)]
+    if parts[0] != parts[1]:
         raise LightsphereError(
             f"{found.folder} holds a capture with other lights or another camera; choose another folder or delete it"
         )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import LightsphereError
+from ..core.images import check_size
 
 MAGIC = b"\x76\x2f\x31\x01"
 HEADER_SIZE = 4096
@@ -34,6 +35,7 @@ def read(path: Path) -> dict[str, NDArray[np.float32]]:
     channels: dict[str, NDArray[np.float32]] = {}
     part = 0
     while file.seek_subimage(part, 0):
+        check_size(path, file.spec().image_pixels() * file.spec().nchannels)
         pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
         if pixels is None:
             raise LightsphereError(f"{path} is damaged ({file.geterror()}); delete it and run the stage again")

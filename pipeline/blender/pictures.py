@@ -40,6 +40,7 @@ def _read(path: Path) -> Picture:
         if file is None:
             raise LightsphereError(f"{path} is not a readable picture ({_line(oiio.geterror())}); replace the file")
         spec = file.spec()
+        images.check_size(path, spec.image_pixels() * spec.nchannels)
         pixels = file.read_image(0, 0, 0, spec.nchannels, "float")
         failure = file.geterror()
         file.close()

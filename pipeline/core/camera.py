@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import LightsphereError
+from .errors import BROKEN_JSON, LightsphereError
 
 MODELS = ("pinhole", "orthographic")
 
@@ -137,7 +137,7 @@ class Camera:
             fx, fy = (float(n) for n in value["focal"])
             cx, cy = (float(n) for n in value["centre"])
             model = str(value["model"])
-        except (KeyError, TypeError, ValueError) as error:
+        except BROKEN_JSON as error:
             raise LightsphereError(f"the camera is not readable ({error}); write the capture again") from error
         if model not in MODELS or to_world.shape != (4, 4) or not np.isfinite(to_world).all():
             raise LightsphereError("the camera's model or matrix is wrong; write the capture again")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from . import images
 from .camera import Camera
-from .errors import LightsphereError
+from .errors import BROKEN_JSON, LightsphereError
 from .lights import Lights
 
 FILE = "capture.json"
@@ -194,7 +194,7 @@ class Capture:
                 checksums=tuple(str(entry.get("sha256", "")) for entry in entries),
                 notes=dict(value.get("notes", {})),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except BROKEN_JSON as error:
             raise LightsphereError(
                 f"{path} is damaged ({error!r}); capture again, finished pictures are kept"
             ) from error

@@ -9,7 +9,11 @@ import zlib
 #: What numpy raises for an .npz that is damaged, wherever the damage is.
 BROKEN_NPZ: tuple[type[Exception], ...] = (
     *(OSError, ValueError, EOFError, KeyError, TypeError, RuntimeError, OverflowError, SyntaxError),
-    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+    *(NotImplementedError, MemoryError, zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+)
+#: What is raised when a JSON file cannot be read, or its values are not what they should be.
+BROKEN_JSON: tuple[type[Exception], ...] = (
+    *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError),
 )
 
 

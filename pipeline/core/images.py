@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from .errors import LightsphereError
 
+MOST_VALUES_A_BYTE = 2000  # of a picture of one colour, packed as tightly as any of the formats does
+
 Reader = Callable[[Path], dict[str, NDArray[Any]]]
 Writer = Callable[[Path, Mapping[str, NDArray[Any]]], None]
 
@@ -52,6 +54,13 @@ def read_channels(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise LightsphereError(f"{path} is missing; render or import the capture again to replace it")
     return _read(path)
+
+
+def check_size(path: Path, values: int) -> None:
+    """Raise LightsphereError when a file is said to hold more values than its bytes can."""
+    size = path.stat().st_size
+    if values > MOST_VALUES_A_BYTE * (size + 1000):
+        raise LightsphereError(f"{path} is said to hold {values} values in {size} bytes; it is damaged, copy it again")
 
 
 def srgb(linear: NDArray[Any]) -> NDArray[np.float64]:
@@ -140,6 +149,8 @@ def _read_openexr(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with quiet(), OpenEXR.File(str(path), header_only=True) as header:
             promised = len(header.parts)
+            pixels = sum(_pixels(part) for part in header.parts)
+        check_size(path, pixels)
         with quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
             if len(file.parts) < promised:  # of a file cut off the library leaves parts out, with a warning only
                 raise RuntimeError("the file ends too early")
@@ -151,6 +162,13 @@ def _read_openexr(path: Path) -> dict[str, NDArray[Any]]:
             f"{path} is damaged ({error}); delete it and run the stage that made it again"
         ) from error
     return channels
+
+
+def _pixels(part: Any) -> int:
+    """Return how many pixels a part of an OpenEXR file is said to have, all channels counted."""
+    low, high = part.header["dataWindow"]
+    width, height = (int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
+    return max(width, 0) * max(height, 0) * len(part.header["channels"])
 
 
 _read: Reader = _read_openexr

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import LightsphereError
+from .errors import BROKEN_JSON, LightsphereError
 from .lights import SURFACES, Lights
 
 UNIT_TOLERANCE = 2e-3  # RTI lists carry three or more digits
@@ -143,7 +143,7 @@ def _from_json(path: Path, text: str) -> list[dict[str, Any]]:
                 raise ValueError(f"light {len(found)}")
             name = str(entry.get("file", ""))
             found.append({"position": position, "intensity": channels, "surface": surface, "file": name})
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except BROKEN_JSON as error:
         raise LightsphereError(
             f"{path} is not a list of lights ({error!r}); each needs a position of three numbers"
         ) from error

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import LightsphereError
+from .errors import BROKEN_JSON, LightsphereError
 
 KINDS = ("near", "distant", "unknown")
 SURFACES = ("inner", "outer", "")
@@ -60,7 +60,7 @@ class Lights:
             position = np.array([v["position"] for v in values], np.float64).reshape(len(values), 3)
             intensity = np.array([v["intensity"] for v in values], np.float64).reshape(len(values), 3)
             surface = np.array([SURFACES.index(v["surface"]) for v in values], np.int64)
-        except (KeyError, TypeError, ValueError) as error:
+        except BROKEN_JSON as error:
             raise LightsphereError(f"the lights are not readable ({error}); write the capture again") from error
         lights = cls(kind, position, intensity, surface)
         lights.check()

@@ -157,6 +157,16 @@ def test_capture_is_not_continued_with_other_settings(tmp_path: Path, change: di
     assert bytes_of(tmp_path) == before
 
 
+def test_a_description_that_leads_out_of_its_folder_is_not_followed(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    folder = tmp_path / "capture"
+    made = finish(capture.capture(scene, "ball", folder, SMALL))
+    harmful = dataclasses.replace(made, files=("../outside.exr", *made.files[1:]), checksums=("", *made.checksums[1:]))
+    harmful.save()
+    with pytest.raises(LightsphereError, match="holds a capture with other"):
+        finish(capture.capture(scene, "ball", folder, SMALL))
+    assert not (tmp_path / "outside.exr").exists()
+
+
 def test_a_capture_is_continued_on_the_device_that_began_it(tmp_path: Path) -> None:
     scene = small_scenes.lambert(0.5)
     whole = finish(capture.capture(scene, "test", tmp_path, SMALL))

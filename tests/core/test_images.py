@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -125,3 +126,17 @@ def test_the_checksum_is_sha256_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "abc").write_bytes(b"abc")
     # FIPS 180-2, example B.1
     assert images.checksum(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+
+
+def test_a_picture_that_is_said_to_be_larger_than_its_bytes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    images.write_rgb(path, np.zeros((600, 700, 3), np.float32))  # packs tightly, and is read
+    assert images.read_rgb(path).shape == (600, 700, 3)
+    images.write_rgb(path, picture())
+    data = bytearray(path.read_bytes())
+    for name in (b"dataWindow", b"displayWindow"):
+        place = data.index(name + b"\0box2i\0") + len(name) + 7 + 4 + 8  # the window's upper corner
+        data[place : place + 8] = struct.pack("<2i", 200_000, 100_000)
+    path.write_bytes(data)
+    with pytest.raises(LightsphereError, match=r"a\.exr is (said to hold|damaged)"):
+        images.read_rgb(path)

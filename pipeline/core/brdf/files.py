@@ -15,7 +15,6 @@ one was not measured. ``.npz``: an array ``model``, a word, and what that model 
 from __future__ import annotations
 
 import io
-import zipfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -25,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
-from ..errors import BROKEN_NPZ, LightsphereError
+from ..arrays import read_npz
+from ..errors import LightsphereError
 from . import Brdf
 from .parametric import MODELS, parameters
 from .tabulated import Tabulated, directions, filled
@@ -62,7 +62,7 @@ def tables_in(path: Path) -> list[str]:
     if path.suffix.lower() != ".npz":
         return [TABLE]
     try:
-        found = _arrays(path)
+        found = read_npz(path)
     except LightsphereError as error:
         raise LightsphereError(f"{path}: {error}") from error
     several = sorted(name for name, array in found.items() if array.ndim in (3, 4) and array.shape[-1] == 3)
@@ -126,7 +126,7 @@ def _read_merl(path: Path) -> Brdf:
 
 
 def _read_npz(path: Path, name: str) -> Brdf:
-    arrays = _arrays(path)
+    arrays = read_npz(path)
     if name != TABLE and name in arrays:
         arrays = {**arrays, TABLE: arrays[name]}
     model = str(arrays.get("model", TABLE))
@@ -146,16 +146,6 @@ def _read_npz(path: Path, name: str) -> Brdf:
         raise LightsphereError(f"table has the shape {table.shape}; give theta_h, theta_d, phi_d, 3")
     known, _ = filled(table)
     return Tabulated(known, numbers["theta_h"], numbers["theta_d"], numbers.get("phi_d", np.array([np.pi / 2])))
-
-
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    if not zipfile.is_zipfile(path):  # numpy would take it for a single array or a pickle
-        raise LightsphereError("the file is damaged or no .npz; write it again")
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in data}
-    except BROKEN_NPZ as error:
-        raise LightsphereError(f"the file is damaged ({error}); write it again") from error
 
 
 def _numbers(name: str, array: NDArray[Any]) -> NDArray[np.float64]:

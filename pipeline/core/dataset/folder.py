@@ -102,13 +102,15 @@ def damages(folder: Path, listed: Path) -> list[str]:
         return [f"{listed.relative_to(folder).as_posix()} is missing or empty"]
     found = []
     for name, digest in files.items():
-        path = folder / name
-        if not _is_inside(path, folder):
-            found.append(f"{name} lies outside of the dataset")
-        elif not path.is_file():
-            found.append(f"{name} is missing")
-        elif images.checksum(path) != digest:
-            found.append(f"{name} is damaged")
+        try:
+            if not (folder / name).resolve().is_relative_to(folder.resolve()):
+                found.append(f"{name} lies outside of the dataset")
+            elif not (folder / name).is_file():
+                found.append(f"{name} is missing")
+            elif images.checksum(folder / name) != digest:
+                found.append(f"{name} is damaged")
+        except (OSError, ValueError) as error:  # no name that a file can have, or one that may not be read
+            found.append(f"{name!r} cannot be read ({error})")
     return found
 
 
@@ -193,10 +195,6 @@ def _listed(line: str) -> tuple[int, str] | None:
         return int(row["index"]), str(row["sha256"])
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-
-
-def _is_inside(path: Path, folder: Path) -> bool:
-    return path.resolve().is_relative_to(folder.resolve())
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LightsphereError
+from . import matlab
 from .folder import described, directions
 from .photographs import Photographs, Reader
 from .settings import ImportSettings
 from .shots import shot
-from .tables import matlab, table
+from .tables import table
 
 NAMES, DIRECTIONS, INTENSITIES, NORMALS = (
     "filenames.txt",
@@ -55,7 +56,7 @@ def read(folder: Path, settings: ImportSettings, reader: Reader) -> Photographs:
 
 def normals(path: Path) -> NDArray[np.float32]:
     """Read ``Normal_gt`` (H, W, 3) from a MATLAB file; NaN where its length is not 1."""
-    normal = np.asarray(matlab(path).get("Normal_gt", 0), np.float64)
+    normal = np.asarray(matlab.read(path).get("Normal_gt", 0), np.float64)
     if normal.ndim != 3 or normal.shape[2] != 3:
         raise LightsphereError(f"{path} holds no Normal_gt of H x W x 3 numbers; copy it again or remove it")
     return unit_or_nan(normal)

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from .. import light_file
 from ..camera import Camera
-from ..errors import LightsphereError
+from ..errors import BROKEN_JSON, LightsphereError
 from ..lights import Lights
+from . import matlab
 from .folder import EQUAL_STRENGTH, described, matched
 from .photographs import Photographs, Reader
 from .settings import ImportSettings
-from .tables import matlab
 
 LIGHT, CAMERA, JSON = "light.mat", "camera.mat", "lights.json"
 MM = 1e-3
@@ -40,7 +40,7 @@ def is_here(folder: Path) -> bool:
         return True
     try:
         return "camera" in json.loads((folder / JSON).read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError):  # said when the list is read as one without a camera
+    except BROKEN_JSON:  # said when the list is read as one without a camera
         return False
 
 
@@ -86,13 +86,13 @@ def _from_json(path: Path) -> tuple[list[dict[str, Any]], NDArray[np.float64], N
         listed = json.loads(path.read_text(encoding="utf-8"))["lights"]
         mu = np.array([float(light.get("mu", 0)) for light in listed])
         axis = np.array([light.get("axis", [0, 0, 0]) for light in listed], np.float64).reshape(-1, 3)
-    except (KeyError, TypeError, ValueError) as error:
+    except BROKEN_JSON as error:
         raise LightsphereError(f"{path}: an axis or mu is not readable ({error!r}); correct it") from error
     return entries, mu, axis
 
 
 def _from_matlab(path: Path) -> tuple[list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]:
-    values = matlab(path)
+    values = matlab.read(path)
     try:
         position = np.asarray(values["S"], np.float64) * MM * TO_OURS
         count = len(position)
@@ -115,7 +115,7 @@ def _camera(path: Path | None, width: int, height: int) -> Camera:
     if path is None:
         raise LightsphereError(f"{CAMERA} is missing beside {LIGHT}; copy it there")
     try:
-        k = np.asarray(matlab(path)["K"], np.float64).reshape(3, 3)
+        k = np.asarray(matlab.read(path)["K"], np.float64).reshape(3, 3)
     except (KeyError, ValueError) as error:
         raise LightsphereError(f"{path} lacks or misshapes {error}; it needs the intrinsics K (3, 3)") from error
     k = k.T if k[0, 2] == 0 else k  # MATLAB's toolbox writes it transposed

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import light_file
+from ..arrays import read_npz
 from ..errors import BROKEN_NPZ, LightsphereError
 from ..lights import Lights
 from .diligent import unit_or_nan
@@ -73,8 +74,9 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         if path.suffix.lower() == ".npy":
             return {IMAGES[0]: np.load(path, mmap_mode="r")}
-        with np.load(path) as file:
-            return {name: file[name] for name in file.files}
+        return read_npz(path)
+    except LightsphereError as error:
+        raise LightsphereError(f"{path}: {error}") from error
     except BROKEN_NPZ as error:
         raise LightsphereError(f"{path} cannot be read ({error}); save it again by numpy, without objects") from error
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .. import images
 from ..capture import Capture
-from ..errors import LightsphereError
+from ..errors import BROKEN_JSON, LightsphereError
 from ..settings import setting
 from ..shape import Shape
 
@@ -110,5 +110,5 @@ class Reflectance:
                 np.stack([channels[f"{name}.{letter}"] for letter in "RGB"], axis=-1) for name in ("albedo", "specular")
             )
             return cls(albedo, specular, channels["edge.V"], channels["roughness.V"], channels["error.V"], notes)
-        except (KeyError, TypeError, ValueError) as error:
+        except BROKEN_JSON as error:
             raise LightsphereError(f"{folder} is damaged ({error!r}); fit the reflectance again") from error

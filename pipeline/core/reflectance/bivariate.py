@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
-from ..errors import BROKEN_NPZ, LightsphereError
+from ..arrays import read_npz
+from ..errors import BROKEN_JSON, LightsphereError
 from . import FILE, Reflectance
 from .angles import difference_angles, half_angles
 
@@ -122,15 +123,15 @@ class Bivariate:
             notes = dict(json.loads(path.read_text(encoding="utf-8"))["notes"])
             if notes["model"] != MODEL:
                 raise LightsphereError(f"{folder} holds the model {notes['model']}, not tables; use --model {MODEL}")
-            with np.load(folder / "bases.npz") as data:
-                table, seen = data["table"], data["seen"]
+            bases = read_npz(folder / "bases.npz")
+            table, seen = bases["table"], bases["seen"]
             channels = images.read_channels(folder / "weights.exr")
             letters = "RGB" if "0.R" in channels else "V"
             weights = np.stack(
                 [np.stack([channels[f"{k}.{x}"] for x in letters], axis=-1) for k in range(table.shape[2])], axis=2
             )
             return cls(table, seen, weights, channels["error.V"], notes)
-        except BROKEN_NPZ as error:
+        except BROKEN_JSON as error:
             raise LightsphereError(f"{folder} is damaged ({error!r}); run the stage that made it again") from error
 
 
@@ -154,6 +155,6 @@ def open_reflectance(folder: Path) -> Reflectance | Bivariate:
     try:
         value = json.loads((folder / FILE).read_text(encoding="utf-8"))
         tables = value["notes"]["model"] == MODEL
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except BROKEN_JSON as error:
         raise LightsphereError(f"{folder} is no reflectance, or damaged ({error!r}); make one from a shape") from error
     return Bivariate.open(folder) if tables else Reflectance.open(folder)

@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from .. import images
 from ..camera import Camera
-from ..errors import LightsphereError
+from ..errors import BROKEN_JSON, LightsphereError
 
 FILE = "shape.json"
 
@@ -102,5 +102,5 @@ class Shape:
                 layers={name[:-2]: c for name, c in channels.items() if name not in known},
                 notes=dict(value["notes"]),
             )
-        except (KeyError, ValueError) as error:
+        except BROKEN_JSON as error:
             raise LightsphereError(f"{folder} is damaged ({error!r}); run lightsphere shape again") from error

@@ -13,6 +13,7 @@ from .mesh import Mesh
 _VERTEX = np.dtype([(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "s", "t")])
 _FACE = np.dtype([("count", "u1"), ("index", "<i4", 3)])
 _END = b"end_header\n"
+MOST_DIGITS = 12  # of a number of vertices or faces
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
@@ -32,7 +33,8 @@ def read_ply(path: Path) -> Mesh:
         raise LightsphereError(f"{path} is missing; run lightsphere shape again to write it")
     data = path.read_bytes()
     head = data[: data.find(_END) + len(_END)]
-    counts = [int(line.split()[2]) for line in head.split(b"\n") if line.startswith(b"element")]
+    words = [line.split() for line in head.split(b"\n") if line.startswith(b"element")]
+    counts = [int(word[2]) for word in words if len(word) == 3 and word[2].isdigit() and len(word[2]) < MOST_DIGITS]
     if len(counts) != 2 or head != _header(*counts) or len(data) != len(head) + _sizes(*counts):
         raise LightsphereError(f"{path} is not a mesh of lightsphere or is cut off; run lightsphere shape again")
     vertices = np.frombuffer(data, _VERTEX, counts[0], len(head))

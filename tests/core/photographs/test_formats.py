@@ -279,7 +279,7 @@ def test_what_is_no_input_is_told(there: Drawer) -> None:
     refused(there, "holds no photographs")
     refused(there, "does not exist", there.folder / "nowhere")
     refused(there, "no known format", there.text("a.txt", "x"))
-    refused(there, "cannot be read", there.text("a.npz", "x"))
+    refused(there, "no .npz", there.text("a.npz", "x"))
     np.savez(there.folder / "b.npz", images=np.zeros((4, 5, 7)))
     (there.folder / "b.npz").write_bytes((there.folder / "b.npz").read_bytes()[:300])
     refused(there, "cannot be read", there.folder / "b.npz")
