@@ -282,7 +282,7 @@ def test_what_is_no_input_is_told(there: Drawer) -> None:
     refused(there, "no .npz", there.text("a.npz", "x"))
     np.savez(there.folder / "b.npz", images=np.zeros((4, 5, 7)))
     (there.folder / "b.npz").write_bytes((there.folder / "b.npz").read_bytes()[:300])
-    refused(there, "cannot be read", there.folder / "b.npz")
+    refused(there, "damaged", there.folder / "b.npz")
     refused(there, "missing; correct --lights", lights="nowhere.txt")
     there.series(np.zeros((2, 3, 4)))
     refused(there, "has no list of lights", format="folder")
