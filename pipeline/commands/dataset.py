@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import queue
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,7 +20,7 @@ from ..core.dataset import folder as files
 from ..core.dataset.farm import Farm
 from ..core.dataset.recipe import Recipe
 from ..core.dataset.recipe import template as recipe_template
-from ..core.dataset.run import Crew, Forecast, Made, forecast, make
+from ..core.dataset.run import Forecast, Hire, Made, forecast, make
 from ..core.errors import LightsphereError
 from ..core.progress import Progress, Work
 from ..core.workers import Worker
@@ -71,17 +72,16 @@ def dataset(
             return
         formats.library_for(chosen.output.formats)
         files.begin(output, chosen, made_by())
-        hire = _Local(output, count, device) if not scheduler else _on_cluster(scheduler, output, device)
-        made = run_with_bar(_made(output, chosen, hire))
+        made = run_with_bar(_made(output, chosen, _crew(output, count, scheduler, device)))
         figures.values |= {"samples": len(made.samples), "made": made.new, "pictures": _pictures(made)}
         figures.values["missing"] = {str(index): why for index, why in sorted(made.missing.items())}
-        if made.missing:
-            index, why = min(made.missing.items())
-            raise LightsphereError(
-                f"{len(made.missing)} of {chosen.count} samples are missing, the first is {index}: {why}. "
-                f"{output / files.MISSING} lists them; go on by --resume"
-            )
         figures.summary = f"{len(made.samples)} samples, {made.new} of them new, in {output}; see {SHEET}"
+    if made.missing:
+        index, why = min(made.missing.items())
+        raise LightsphereError(
+            f"{len(made.missing)} of {chosen.count} samples are missing, the first is {index}: {why}. "
+            f"{output / files.MISSING} lists them; go on by --resume"
+        )
 
 
 def dataset_worker(
@@ -99,7 +99,7 @@ def dataset_worker(
         try:
             sample.make(recipe, folder, int(line), threads)
             print("sample", int(line), flush=True)
-        except LightsphereError as error:
+        except (LightsphereError, OSError) as error:  # the latter of a full disk or a closed folder
             print("error", " ".join(str(error).split()), flush=True)
 
 
@@ -120,16 +120,19 @@ def verify(
         raise LightsphereError(f"{folder} has {len(wrong)} faults; the command that made it makes it whole again")
 
 
-class _Local:
-    """Takes on processes of this machine."""
+def _crew(folder: Path, count: int, scheduler: str, device: str) -> Hire:
+    """Return what takes on processes of this machine, or the workers of a cluster."""
 
-    def __init__(self, folder: Path, count: int, device: str) -> None:
-        self._folder, self._count, self._device = folder, count, device
+    def local(samples: Sequence[int]) -> Farm:
+        processes = min(count, len(samples))
+        threads = max(1, (os.cpu_count() or 1) // processes)
+        return Farm(processes, lambda: worker(folder, threads, device), samples)
 
-    def __call__(self, samples: Sequence[int]) -> AbstractContextManager[Crew]:
-        count = min(self._count, len(samples))
-        threads = max(1, (os.cpu_count() or 1) // count)
-        return Farm(count, lambda: worker(self._folder, threads, self._device), samples)
+    if not scheduler:
+        return local
+    from .cluster import Cluster
+
+    return lambda samples: Cluster(scheduler, folder.resolve(), device, samples)
 
 
 def worker(folder: Path, threads: int, device: str) -> Worker:
@@ -141,12 +144,6 @@ def worker(folder: Path, threads: int, device: str) -> Worker:
     return Worker(arguments, environment | dict.fromkeys(NUMPY_THREADS, str(threads)))
 
 
-def _on_cluster(address: str, folder: Path, device: str) -> Any:
-    from .cluster import Cluster
-
-    return lambda samples: Cluster(address, folder.resolve(), device, samples)
-
-
 def _chosen(recipe: Path | None, output: Path, resume: bool) -> Recipe:
     if recipe is not None:
         return Recipe.read(recipe)
@@ -155,7 +152,7 @@ def _chosen(recipe: Path | None, output: Path, resume: bool) -> Recipe:
     raise LightsphereError("a recipe is missing; lightsphere dataset --template prints one")
 
 
-def _made(folder: Path, recipe: Recipe, hire: Any) -> Work[Made]:
+def _made(folder: Path, recipe: Recipe, hire: Hire) -> Work[Made]:
     from ..report.dataset import report
 
     made = yield from make(folder, recipe, hire)
@@ -170,14 +167,15 @@ def _pictures(made: Made) -> int:
 
 def _foretell(recipe: Recipe, count: int, device: str, figures: Figures) -> None:
     """Make a few samples where they disturb nobody, and say what all would take."""
+    count = min(count, recipe.count)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         files.begin(folder, recipe, {})
         found, start = run_with_bar(_tried(folder, recipe, count, device))
-    hours = (found.seconds / min(count, recipe.count) + start) / 3600
+    seconds = found.seconds / count + start
     figures.values |= {
         "renders": found.renders,
-        "expected_seconds": 3600 * hours,
+        "expected_seconds": seconds,
         "expected_bytes": found.size,
         "seconds_a_sample": found.seconds / recipe.count,
         "bytes_a_sample": found.size / recipe.count,
@@ -188,31 +186,35 @@ def _foretell(recipe: Recipe, count: int, device: str, figures: Figures) -> None
         share = samples / recipe.count
         print(f"{samples:<10,} {share * found.seconds / 3600:<23,.2f} {_bytes(share * found.size)}")
     figures.summary = (
-        f"dry run: {recipe.count:,} samples, {found.renders:,} renders, about {_time(3600 * hours)} with {count} "
-        f"workers, {_bytes(found.size)}"
+        f"dry run: {recipe.count:,} samples, {found.renders:,} renders, about {_time(seconds)} with {count} workers, "
+        f"{_bytes(found.size)}"
     )
 
 
 def _tried(folder: Path, recipe: Recipe, count: int, device: str) -> Work[tuple[Forecast, float]]:
-    """Return the forecast, and how long a process takes to start [s]."""
-    threads = max(1, (os.cpu_count() or 1) // min(count, recipe.count))
+    """Return the forecast, and how long processes take until each has made its first sample [s]."""
     start = time.perf_counter()
-    process = worker(folder, threads, device)
+    free: queue.SimpleQueue[Worker] = queue.SimpleQueue()
+    processes = [worker(folder, max(1, (os.cpu_count() or 1) // count), device) for _ in range(count)]
 
     def timed(index: int) -> float:
-        begun = time.perf_counter()
+        process, begun = free.get(), time.perf_counter()
         process.ask(index, "sample")
+        free.put(process)
         return time.perf_counter() - begun
 
     try:
-        process.wait_until_ready()
-        started = time.perf_counter() - start
-        yield Progress("start", 1, 1)
-        timed(0)  # the first one of a process also waits for Cycles
-        return (yield from forecast(recipe, folder, timed)), started
+        with ThreadPoolExecutor(count) as pool:
+            list(pool.map(lambda process: process.ask(0, "sample"), processes))
+            started = time.perf_counter() - start
+            yield Progress("start", 1, 1)
+            for process in processes:
+                free.put(process)
+            return (yield from forecast(recipe, folder, count, lambda chosen: pool.map(timed, chosen))), started
     finally:
-        process.kill()
-        process.close()
+        for process in processes:
+            process.kill()
+            process.close()
 
 
 def _wrong_with(capture: Capture) -> list[str]:

@@ -95,12 +95,14 @@ def test_samples_that_cannot_be_made_are_listed_and_the_others_are_there(
     mesh.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n")
     (tmp_path / "recipe.toml").write_text(RECIPE + '[shape]\nsource = ["blob", "broken.ply"]\n')
     folder = tmp_path / "made"
-    assert run("dataset", tmp_path / "recipe.toml", "-o", folder) == 2
+    assert run("dataset", tmp_path / "recipe.toml", "-o", folder, "--json", tmp_path / "figures.json") == 2
     missing = json.loads((folder / dataset.MISSING).read_text())
     kept = Recipe.read(tmp_path / "recipe.toml")
     there = (folder / dataset.MANIFEST).read_text().splitlines()
     assert missing and there and len(missing) + len(there) == kept.count
     assert all("broken.ply" in why for why in missing.values())
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert {int(name): why for name, why in missing.items()} == {int(i): why for i, why in figures["missing"].items()}
     error = capsys.readouterr().err
     assert f"{len(missing)} of 3 samples are missing" in error and "--resume" in error
 

@@ -157,7 +157,7 @@ def draw(recipe: Recipe, index: int) -> Sample:
         principled=tuple(_principled(r, stream(f"material {k}")) for k in range(mixed)),
         patches=stream("patches").within(r.material.patches),
         table=stream("table").within((0.0, 1.0)),
-        lights=stream("lights").whole(r.lights.count),
+        lights=lights_count(r, index),
         field_of_view=stream("field of view").within(r.camera.field_of_view),
         azimuth=stream("azimuth").within(r.camera.azimuth),
         elevation=stream("elevation").within(r.camera.elevation),
@@ -167,6 +167,11 @@ def draw(recipe: Recipe, index: int) -> Sample:
         full_well=stream("full well").within(r.sensor.full_well),
         read_noise=stream("read noise").within(r.sensor.read_noise),
     )
+
+
+def lights_count(recipe: Recipe, index: int) -> int:
+    """Draw how many lights a sample has, and nothing else of it."""
+    return Stream(recipe.seed, index, "lights").whole(recipe.lights.count)
 
 
 def lights_of(

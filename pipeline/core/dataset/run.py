@@ -16,12 +16,12 @@ from ..errors import LightsphereError
 from ..progress import Progress, Work
 from . import folder as dataset
 from . import shards
-from .draw import Sample, draw
+from .draw import Sample, draw, lights_count
 from .farm import Outcome
 from .recipe import Recipe
 
 BYTES = {"half": 2, "float": 4}
-TRIED = 4  # samples that a forecast makes
+TRIED = 6  # samples that a forecast makes at least
 
 
 class Crew(Protocol):
@@ -106,23 +106,28 @@ class Forecast:
     size: float
 
 
-def forecast(recipe: Recipe, folder: Path, timed: Callable[[int], float]) -> Work[Forecast]:
+def forecast(
+    recipe: Recipe, folder: Path, processes: int, timed: Callable[[Sequence[int]], Iterator[float]]
+) -> Work[Forecast]:
     """Foretell a dataset from a few of its samples, which are made in a folder that was begun.
 
     Time and size of a sample are taken as a fixed part and one for each of its pictures.
 
     Parameters
     ----------
+    processes : int
+        That will make it side by side.
     timed : callable
-        Makes a sample and returns the seconds that it took.
+        Makes samples, as many side by side, and yields the seconds that each took, in order.
     """
-    pictures = [draw(recipe, index).lights for index in range(recipe.count)]
-    chosen = np.unique(np.argsort(pictures, kind="stable")[np.linspace(0, recipe.count - 1, TRIED).astype(int)])
+    pictures = [lights_count(recipe, index) for index in range(recipe.count)]
+    even = np.linspace(0, recipe.count - 1, max(TRIED, 2 * processes)).astype(int)
+    chosen = [int(index) for index in np.unique(np.argsort(pictures, kind="stable")[even])]
     seconds, sizes = [], []
-    for done, index in enumerate(map(int, chosen), start=1):
-        seconds.append(timed(index))
+    for index, took in zip(chosen, timed(chosen), strict=True):
+        seconds.append(took)
         sizes.append(_size(folder, recipe, index))
-        yield Progress("try", done, len(chosen), "samples")
+        yield Progress("try", len(seconds), len(chosen), "samples")
     tried = np.array([[1.0, pictures[index]] for index in chosen])
     total = np.array([recipe.count, sum(pictures)], np.float64)
     twice = 1 + recipe.truth.direct

@@ -229,7 +229,7 @@ def test_a_forecast_is_that_of_its_samples(begin: Begin) -> None:
     dataset.begin(folder, recipe, {})
     seconds = {}
 
-    def timed(index: int) -> float:
+    def made_in(index: int) -> float:
         lights = run.draw(recipe, index).lights
         made = folder / f".{index}{dataset.PART}"
         (made / "capture" / f"{index:08d}").mkdir(parents=True)
@@ -238,7 +238,7 @@ def test_a_forecast_is_that_of_its_samples(begin: Begin) -> None:
         seconds[index] = 0.7 + 0.2 * lights
         return seconds[index]
 
-    found = finish(run.forecast(recipe, folder, timed))
+    found = finish(run.forecast(recipe, folder, 2, lambda chosen: map(made_in, chosen)))
     lights = sum(run.draw(recipe, index).lights for index in range(40))
     assert len(seconds) == run.TRIED
     assert found.renders == lights
