@@ -30,7 +30,7 @@ from tests.fuzz.readers import readers
 MOST_SECONDS = 10.0  # for one input
 MOST_MEMORY = 3 * 2**30  # that a process may take for inputs [bytes]; its libraries aside
 NOW = "now"  # the file that names the input at hand
-READ, REFUSED = "read", "refused"
+READ, REFUSED, FAULT = "read", "refused", "fault"
 LISTED = 50  # inputs after which it is looked whether files were left
 
 
@@ -59,8 +59,9 @@ def main() -> int:
             assert run.stdout is not None
             for line in run.stdout:
                 kind, name, rest = (*line.strip().split(" ", 2), "")[:3]
-                counts[name, kind] += 1
-                if kind not in (READ, REFUSED):
+                if kind in (READ, REFUSED):
+                    counts[name, kind] += 1
+                if kind == FAULT:  # other lines are Blender's
                     faults += 1
                     print(f"{name}: {rest}", flush=True)
             done = int(now.read_text()) + 1
@@ -104,7 +105,7 @@ def _read_all(given: argparse.Namespace) -> None:
         given.keep.mkdir(parents=True, exist_ok=True)
         kept = given.keep / f"{name}-{number}{path.suffix}"
         kept.write_bytes(data)
-        print("fault", name, f"{kept}: {outcome}", flush=True)
+        print(FAULT, name, f"{kept}: {outcome}", flush=True)
 
 
 def _judged(read: Any, path: Path) -> str:
