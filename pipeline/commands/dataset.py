@@ -45,6 +45,10 @@ def dataset(
     resume: Annotated[
         bool, typer.Option("--resume", help="go on with the dataset in the folder by the recipe it was begun with")
     ] = False,
+    only: Annotated[
+        list[int] | None,
+        typer.Option(help="make this sample alone, as it is in the whole; may be said several times", metavar="NUMBER"),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="make a few samples elsewhere, and say what all of them would take")
     ] = False,
@@ -70,16 +74,19 @@ def dataset(
         if dry_run:
             _foretell(chosen, count, device, figures)
             return
+        numbers = sorted(set(only or range(chosen.count)))
+        if not 0 <= numbers[0] <= numbers[-1] < chosen.count:
+            raise LightsphereError(f"--only takes numbers of samples, from 0 to {chosen.count - 1}")
         formats.library_for(chosen.output.formats)
         files.begin(output, chosen, made_by())
-        made = run_with_bar(_made(output, chosen, _crew(output, count, scheduler, device)))
+        made = run_with_bar(_made(output, chosen, numbers, _crew(output, count, scheduler, device)))
         figures.values |= {"samples": len(made.samples), "made": made.new, "pictures": _pictures(made)}
         figures.values["missing"] = {str(index): why for index, why in sorted(made.missing.items())}
         figures.summary = f"{len(made.samples)} samples, {made.new} of them new, in {output}; see {SHEET}"
     if made.missing:
         index, why = min(made.missing.items())
         raise LightsphereError(
-            f"{len(made.missing)} of {chosen.count} samples are missing, the first is {index}: {why}. "
+            f"{len(made.missing)} of {len(numbers)} samples are missing, the first is {index}: {why}. "
             f"{output / files.MISSING} lists them; go on by --resume"
         )
 
@@ -152,10 +159,10 @@ def _chosen(recipe: Path | None, output: Path, resume: bool) -> Recipe:
     raise LightsphereError("a recipe is missing; lightsphere dataset --template prints one")
 
 
-def _made(folder: Path, recipe: Recipe, hire: Hire) -> Work[Made]:
+def _made(folder: Path, recipe: Recipe, numbers: Sequence[int], hire: Hire) -> Work[Made]:
     from ..report.dataset import report
 
-    made = yield from make(folder, recipe, hire)
+    made = yield from make(folder, recipe, numbers, hire)
     images.write_text(folder / SHEET, report(folder, recipe, made.samples))
     files.list_shared(folder, [folder / SHEET, folder / files.MANIFEST, *made.shared])
     return made

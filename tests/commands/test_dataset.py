@@ -88,6 +88,19 @@ def test_harm_is_found_and_mended_by_two_processes_byte_for_byte(
     assert contents(harmed) == contents(made)
 
 
+def test_one_sample_alone_is_the_one_of_the_whole(
+    recipe: Path, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = tmp_path / "alone"
+    assert run("dataset", recipe, "-o", alone, "--only", 2) == 0
+    kept = contents(alone / "capture")
+    assert kept == {name: data for name, data in contents(made / "capture").items() if name.startswith("00000002")}
+    (row,) = (alone / dataset.MANIFEST).read_text().splitlines()
+    assert row in (made / dataset.MANIFEST).read_text().splitlines()
+    assert run("dataset", recipe, "-o", alone, "--only", 3) == 2
+    assert "from 0 to 2" in capsys.readouterr().err
+
+
 def test_samples_that_cannot_be_made_are_listed_and_the_others_are_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from pipeline.core.brdf import files as brdf_files
 from pipeline.core.brdf.parametric import Ward
 from pipeline.core.capture import FILE, Capture
 from pipeline.core.dataset import folder as dataset
-from pipeline.core.dataset.draw import sample_name
+from pipeline.core.dataset.draw import draw, sample_name
 from pipeline.core.dataset.recipe import Recipe, template
 from pipeline.core.photographs import formats, matlab, stack
 from pipeline.core.photographs.settings import ImportSettings
@@ -154,7 +154,7 @@ def _dataset(folder: Path) -> tuple[Path, ...]:
         (made / "capture" / sample_name(index) / "light.exr").write_text("picture")
         dataset.commit(made, folder, index)
     dataset.remove_partial(folder)
-    dataset.write_manifest(folder, recipe, {})
+    dataset.write_manifest(folder, [draw(recipe, index) for index in range(2)], {})
     dataset.list_shared(folder, [folder / dataset.MANIFEST])
     named = (dataset.RECIPE, dataset.MANIFEST, dataset.SHARED)
     return (*(folder / name for name in named), dataset.finished_list(folder, 1))

@@ -25,7 +25,7 @@ from .. import images
 from ..errors import LightsphereError
 from ..journal import Journal
 from ..progress import Progress, Work
-from .draw import draw, sample_name
+from .draw import Sample, sample_name
 from .recipe import Recipe
 
 FORMAT, VERSION = "lightsphere-dataset", 1
@@ -114,14 +114,14 @@ def damages(folder: Path, listed: Path) -> list[str]:
     return found
 
 
-def to_make(folder: Path, count: int) -> Work[list[int]]:
-    """Return the samples that are not there or not whole."""
+def to_make(folder: Path, chosen: Sequence[int]) -> Work[list[int]]:
+    """Return those of some samples that are not there or not whole."""
     wanted = []
-    for index in range(count):
+    for done, index in enumerate(chosen, start=1):
         if not intact(folder, index):
             wanted.append(index)
-        if index % AT_ONCE == AT_ONCE - 1 or index == count - 1:
-            yield Progress("check", index + 1, count, "samples")
+        if done % AT_ONCE == 0 or done == len(chosen):
+            yield Progress("check", done, len(chosen), "samples")
     return wanted
 
 
@@ -135,14 +135,13 @@ def remove_partial(folder: Path) -> None:
             left.unlink(missing_ok=True)
 
 
-def write_manifest(folder: Path, recipe: Recipe, missing: dict[int, str]) -> None:
-    """List all samples that are there, and why others are not."""
+def write_manifest(folder: Path, samples: Sequence[Sample], missing: dict[int, str]) -> None:
+    """List the samples that are there, and why others are not."""
     partial = folder / f".{MANIFEST}{PART}"
     with partial.open("w", encoding="utf-8", newline="\n") as stream:
-        for index in range(recipe.count):
-            if index not in missing:
-                listed = {"sha256": images.checksum(finished_list(folder, index))}
-                stream.write(json.dumps(draw(recipe, index).as_json() | listed) + "\n")
+        for sample in samples:
+            listed = {"sha256": images.checksum(finished_list(folder, sample.index))}
+            stream.write(json.dumps(sample.as_json() | listed) + "\n")
     partial.replace(folder / MANIFEST)
     if missing:
         named = {sample_name(index): why for index, why in sorted(missing.items())}

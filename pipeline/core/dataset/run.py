@@ -57,8 +57,8 @@ class Made:
     shared: list[Path]
 
 
-def make(folder: Path, recipe: Recipe, hire: Hire) -> Work[Made]:
-    """Make the samples of a begun dataset that are not there or not whole.
+def make(folder: Path, recipe: Recipe, chosen: Sequence[int], hire: Hire) -> Work[Made]:
+    """Make those of the chosen samples of a begun dataset that are not there or not whole; list all that are there.
 
     Raises
     ------
@@ -66,9 +66,9 @@ def make(folder: Path, recipe: Recipe, hire: Hire) -> Work[Made]:
         When the disk is full; what is finished is kept.
     """
     dataset.remove_partial(folder)
-    wanted = yield from dataset.to_make(folder, recipe.count)
+    wanted = yield from dataset.to_make(folder, chosen)
     missing: dict[int, str] = {}
-    there = recipe.count - len(wanted)
+    there = len(chosen) - len(wanted)
     if wanted:
         with hire(wanted) as crew:
             for outcome in crew.outcomes():
@@ -77,10 +77,11 @@ def make(folder: Path, recipe: Recipe, hire: Hire) -> Work[Made]:
                     missing[outcome.index] = outcome.missing
                 else:
                     there += 1
-                yield Progress("make", there + len(missing), recipe.count, "samples")
+                yield Progress("make", there + len(missing), len(chosen), "samples")
         dataset.remove_partial(folder)
-    samples = [draw(recipe, index) for index in range(recipe.count) if index not in missing]
-    dataset.write_manifest(folder, recipe, missing)
+    found = (index for index in range(recipe.count) if dataset.finished_list(folder, index).is_file())
+    samples = [draw(recipe, index) for index in found if index not in missing]
+    dataset.write_manifest(folder, samples, missing)
     packed = []
     if "webdataset" in recipe.output.formats:
         packed = yield from shards.write(folder, samples, recipe.output.shard)

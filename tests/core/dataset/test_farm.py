@@ -101,10 +101,10 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_an_undisturbed_run_makes_every_sample(begin: Begin) -> None:
     place = begin(12)
-    made = finish(run.make(place.folder, place.recipe, place.hire))
+    made = finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire))
     assert (made.new, made.missing) == (12, {})
     assert len(contents(place.folder)) == 12 * 2 + 1
-    again = finish(run.make(place.folder, place.recipe, place.hire))
+    again = finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire))
     assert again.new == 0 and len(again.samples) == 12
 
 
@@ -112,8 +112,8 @@ def test_a_crash_that_does_not_come_back_costs_nothing(begin: Begin) -> None:
     place, calm = begin(8), begin(8)
     for index in (0, 3, 7):
         (place.faults / str(index)).write_text("once")
-    assert finish(run.make(place.folder, place.recipe, place.hire)).missing == {}
-    finish(run.make(calm.folder, calm.recipe, calm.hire))
+    assert finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire)).missing == {}
+    finish(run.make(calm.folder, calm.recipe, range(calm.recipe.count), calm.hire))
     assert contents(place.folder) == contents(calm.folder)
 
 
@@ -133,14 +133,14 @@ def test_a_sample_that_cannot_be_made_is_listed_and_the_others_are_made(
     monkeypatch.setattr(farm, "KILLS", FEW)
     place, calm = begin(6), begin(6)
     (place.faults / "2").write_text(fault)
-    made = finish(run.make(place.folder, place.recipe, place.hire))
+    made = finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire))
     assert list(made.missing) == [2]
     assert words in made.missing[2]
     assert words in (place.folder / dataset.MISSING).read_text()
     assert made.new == 5
     (place.faults / "2").unlink()
-    assert finish(run.make(place.folder, place.recipe, place.hire)).missing == {}
-    finish(run.make(calm.folder, calm.recipe, calm.hire))
+    assert finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire)).missing == {}
+    finish(run.make(calm.folder, calm.recipe, range(calm.recipe.count), calm.hire))
     assert contents(place.folder) == contents(calm.folder)
 
 
@@ -149,7 +149,7 @@ def test_processes_killed_fifty_times_at_random_moments_change_nothing(
     begin: Begin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     place, calm = begin(200), begin(200)
-    finish(run.make(calm.folder, calm.recipe, calm.hire))
+    finish(run.make(calm.folder, calm.recipe, range(calm.recipe.count), calm.hire))
     monkeypatch.setenv("SLOW", "0.1")
     farms: list[Farm] = []
     killed = []
@@ -169,7 +169,7 @@ def test_processes_killed_fifty_times_at_random_moments_change_nothing(
 
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
-    made = finish(run.make(place.folder, place.recipe, hire))
+    made = finish(run.make(place.folder, place.recipe, range(place.recipe.count), hire))
     killer.join(60)
     assert made.missing == {}
     assert len(killed) == 50
@@ -183,7 +183,9 @@ def test_processes_that_cannot_start_end_the_run_with_their_words(begin: Begin) 
         return Worker((sys.executable, "-c", "raise SystemExit('no library')"), os.environ)
 
     with pytest.raises(RuntimeError, match=r"before they can work.*no library"):
-        finish(run.make(place.folder, place.recipe, lambda samples: Farm(2, broken, samples)))
+        finish(
+            run.make(place.folder, place.recipe, range(place.recipe.count), lambda samples: Farm(2, broken, samples))
+        )
 
 
 def test_leaving_a_farm_ends_its_processes(begin: Begin, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -206,9 +208,9 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_finished(begin: Begin, monke
     usage = shutil.disk_usage(place.folder)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=1000))
     with pytest.raises(LightsphereError, match=r"disk of .* is full, \d of 6 samples are there .*--resume"):
-        finish(run.make(place.folder, place.recipe, place.hire))
+        finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire))
     (place.faults / "5").unlink()
-    made = finish(run.make(place.folder, place.recipe, place.hire))
+    made = finish(run.make(place.folder, place.recipe, range(place.recipe.count), place.hire))
     assert made.missing == {} and made.new < 6
 
 

@@ -17,6 +17,7 @@ from pipeline.core.progress import finish
 
 COUNT = 5
 RECIPE = Recipe.of({"count": COUNT, "output": {"formats": ["capture", "webdataset"], "shard": 2}})
+SAMPLES = [draw(RECIPE, index) for index in range(COUNT)]
 
 
 def commit(folder: Path, index: int, content: str = "picture") -> None:
@@ -35,14 +36,14 @@ def made(tmp_path: Path) -> Path:
     for index in range(COUNT):
         commit(tmp_path, index)
     dataset.remove_partial(tmp_path)
-    dataset.write_manifest(tmp_path, RECIPE, {})
+    dataset.write_manifest(tmp_path, SAMPLES, {})
     dataset.list_shared(tmp_path, [tmp_path / dataset.MANIFEST])
     return tmp_path
 
 
 def test_a_whole_dataset_has_no_faults(made: Path) -> None:
     assert finish(dataset.verify(made)) == []
-    assert finish(dataset.to_make(made, COUNT)) == []
+    assert finish(dataset.to_make(made, range(COUNT))) == []
     assert dataset.recipe_of(made) == RECIPE
     rows = [json.loads(line) for line in (made / dataset.MANIFEST).read_text().splitlines()]
     assert [row["index"] for row in rows] == list(range(COUNT))
@@ -70,7 +71,7 @@ def test_every_harm_is_found(made: Path, name: str, words: str, harm: str) -> No
         path.unlink()
     assert any(words in fault for fault in finish(dataset.verify(made)))
     if name.startswith("capture/"):
-        assert finish(dataset.to_make(made, COUNT)) == [2]
+        assert finish(dataset.to_make(made, range(COUNT))) == [2]
 
 
 def test_a_sample_made_again_takes_the_place_of_a_damaged_one(made: Path) -> None:
@@ -101,10 +102,10 @@ def test_another_recipe_in_the_same_folder_is_refused(made: Path) -> None:
 
 
 def test_missing_samples_are_listed_until_they_are_there(made: Path) -> None:
-    dataset.write_manifest(made, RECIPE, {3: "its mesh is broken"})
+    dataset.write_manifest(made, [*SAMPLES[:3], SAMPLES[4]], {3: "its mesh is broken"})
     assert json.loads((made / dataset.MISSING).read_text()) == {"00000003": "its mesh is broken"}
     assert len((made / dataset.MANIFEST).read_text().splitlines()) == COUNT - 1
-    dataset.write_manifest(made, RECIPE, {})
+    dataset.write_manifest(made, SAMPLES, {})
     assert not (made / dataset.MISSING).exists()
 
 
@@ -118,8 +119,7 @@ def test_a_damaged_description_is_said(tmp_path: Path, text: str) -> None:
 
 
 def test_shards_hold_every_sample_once_in_its_split_whatever_the_order(made: Path) -> None:
-    samples = [draw(RECIPE, index) for index in range(COUNT)]
-    packed = finish(shards.write(made, samples, RECIPE.output.shard))
+    packed = finish(shards.write(made, SAMPLES, RECIPE.output.shard))
     before = [path.read_bytes() for path in packed]
     names = []
     for path in packed:
@@ -130,11 +130,11 @@ def test_shards_hold_every_sample_once_in_its_split_whatever_the_order(made: Pat
             assert all(member.mtime == member.uid == 0 for member in members)
             for member in members:
                 index = int(member.name.split(".")[0])
-                assert path.name.startswith(samples[index].split)
+                assert path.name.startswith(SAMPLES[index].split)
                 if member.name.endswith(".light.exr"):
                     stream = tar.extractfile(member)
                     assert stream is not None and stream.read() == f"picture {index}".encode()
     assert sorted(names) == [f"{sample_name(i)}.{end}" for i in range(COUNT) for end in ("capture.json", "light.exr")]
     (made / "webdataset" / "train-000099.tar").touch()
-    assert [path.read_bytes() for path in finish(shards.write(made, samples, RECIPE.output.shard))] == before
+    assert [path.read_bytes() for path in finish(shards.write(made, SAMPLES, RECIPE.output.shard))] == before
     assert not (made / "webdataset" / "train-000099.tar").exists()
