@@ -102,12 +102,17 @@ def test_intensities_follow_the_sensors_white(tmp_path: Path, matt: str) -> None
         lights={"strength": [0.5, 2.0]},
         render={"bounces": 0},
         sensor={"bits": 12, "white": 95},
+        truth={"direct": True},
     )
     (capture,) = made(tmp_path, recipe, 1)
     mask = capture.mask()
     found = np.stack([capture.image(light)[mask] for light in range(4)])
     expected = cosines(capture)[..., None] * ALBEDO / np.pi * capture.lights.intensity[:, None]
     assert found.max() == 1 and 0.005 < (found == 1).mean() < 0.05
+    steps = found.astype(np.float64) * (2**12 - 1)
+    assert np.abs(steps - np.round(steps)).max() < 1e-3
+    direct = images.read_rgb(capture.folder / "direct_0000.exr")[mask]
+    assert np.allclose(np.minimum(direct, 1), found[0], atol=1 / 2**11)  # no light bounces: all of it is direct
     clear = (found[..., 0] < 1) & (expected[..., 0] > 0.1)
     assert np.abs(found[clear] / expected[clear] - 1).max() < 0.03
     assert capture.notes["saturation"] == 1 and capture.notes["bit_depth"] == 12

@@ -12,6 +12,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core import images
 from ...core.capture import Capture
@@ -20,6 +21,7 @@ from ...core.dataset import folder as dataset
 from ...core.dataset.draw import Sample, draw, lights_of
 from ...core.dataset.recipe import PRINCIPLED, Recipe
 from ...core.dataset.sensor import is_ideal, noise_of, sensor_of
+from ...core.photographs.develop import HALF_BITS
 from ...core.progress import finish
 from ...core.rig import check_apart
 from .. import closed_form, cycles, devices, exr, geometry, olat, plan, truth
@@ -132,10 +134,13 @@ def _exposed(recipe: Recipe, sample: Sample, capture: Capture) -> Capture:
     mask = capture.mask()
     every = range(len(capture))
     sensor = sensor_of(recipe.sensor, sample, (capture.image(light)[mask] for light in every))
+    kind = "float" if sensor.bits > HALF_BITS else recipe.render.pixel_type
     for light in every:
         picture = sensor.expose(capture.image(light), noise_of(recipe.seed, sample, light))
-        channels = {name: picture[..., i] for i, name in enumerate("RGB")}
-        exr.write(capture.folder / capture.files[light], channels, recipe.render.pixel_type)
+        _write(capture.folder / capture.files[light], picture, kind)
+    for name in _of_direct_light(capture).files if recipe.truth.direct else ():
+        direct = images.read_rgb(capture.folder / name) / np.float32(sensor.white)
+        _write(capture.folder / name, direct, recipe.render.pixel_type)
     notes = capture.notes | {"sensor": dataclasses.asdict(sensor), "saturation": 1.0}
     notes |= {"bit_depth": sensor.bits} if sensor.bits else {}
     simulated = {plan.NOISE: sensor.full_well > 0, plan.SATURATION: True}
@@ -145,6 +150,10 @@ def _exposed(recipe: Recipe, sample: Sample, capture: Capture) -> Capture:
     ]
     lights = dataclasses.replace(capture.lights, intensity=capture.lights.intensity / sensor.white)
     return dataclasses.replace(capture, lights=lights, notes=notes)
+
+
+def _write(path: Path, picture: NDArray[np.float32], kind: str) -> None:
+    exr.write(path, {name: picture[..., i] for i, name in enumerate("RGB")}, kind)
 
 
 def _finished(capture: Capture) -> Capture:
