@@ -78,8 +78,9 @@ def dataset(
         if not 0 <= numbers[0] <= numbers[-1] < chosen.count:
             raise LightsphereError(f"--only takes numbers of samples, from 0 to {chosen.count - 1}")
         formats.library_for(chosen.output.formats)
-        files.begin(output, chosen, made_by())
-        made = run_with_bar(_made(output, chosen, numbers, _crew(output, count, scheduler, device)))
+        with files.alone(output):
+            files.begin(output, chosen, made_by())
+            made = run_with_bar(_made(output, chosen, numbers, _crew(output, count, scheduler, device)))
         figures.values |= {"samples": len(made.samples), "made": made.new, "pictures": _pictures(made)}
         figures.values["missing"] = {str(index): why for index, why in sorted(made.missing.items())}
         figures.summary = f"{len(made.samples)} samples, {made.new} of them new, in {output}; see {SHEET}"

@@ -15,7 +15,9 @@ its list is written last. Whatever is not on a list belongs to no sample.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -31,6 +33,7 @@ from .recipe import Recipe
 FORMAT, VERSION = "lightsphere-dataset", 1
 RECIPE, MANIFEST, MISSING, FINISHED = "recipe.json", "samples.jsonl", "missing.json", "finished"
 SHARED = "shared.sha256"  # lists the files that belong to many samples: shards, the data sheet
+LOCK = ".lock"  # held by the run that is at work
 PART = ".part"
 AT_ONCE = 64  # samples that are checked between two reports
 
@@ -58,6 +61,26 @@ def begin(folder: Path, recipe: Recipe, made_by: dict[str, str]) -> None:
             raise LightsphereError(f"{folder} holds a dataset with another {', '.join(other)}; choose another folder")
     (folder / FINISHED).mkdir(parents=True, exist_ok=True)
     images.write_text(folder / RECIPE, json.dumps(described, indent=1))
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep other runs out of a dataset for a while; the system gives it free when this process ends, however it ends.
+
+    Raises
+    ------
+    LightsphereError
+        When another run is at work in it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK).open("w") as file:
+        try:
+            _lock(file.fileno())
+        except OSError as error:
+            raise LightsphereError(
+                f"another run is at work in {folder}; wait for its end, or choose another folder"
+            ) from error
+        yield
 
 
 def recipe_of(folder: Path) -> Recipe:
@@ -185,6 +208,18 @@ def files_of(folder: Path, index: int) -> Iterator[tuple[str, Path]]:
     """Yield name and path of the files of a finished sample."""
     for name in Journal(finished_list(folder, index)).read():
         yield name, folder / name
+
+
+def _lock(file: int) -> None:
+    """Lock a file for this process; raise OSError when another one has it."""
+    if os.name == "nt":
+        import msvcrt
+
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _listed(line: str) -> tuple[int, str] | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import tarfile
 from pathlib import Path
 
@@ -91,6 +93,21 @@ def test_a_list_that_leads_out_of_the_folder_is_refused(made: Path) -> None:
     (made / "capture/link").symlink_to(outside)
     listed.write_text(f"{'0' * 64}  capture/link\n")
     assert dataset.damages(made, listed) == ["capture/link lies outside of the dataset"]
+
+
+def test_two_runs_do_not_work_in_one_folder(tmp_path: Path) -> None:
+    with (
+        dataset.alone(tmp_path),
+        pytest.raises(LightsphereError, match="another run is at work"),
+        dataset.alone(tmp_path),
+    ):
+        pass
+    with dataset.alone(tmp_path):
+        pass
+    code = f"from pipeline.core.dataset import folder; folder.alone(folder.Path({str(tmp_path)!r})).__enter__(); 1 / 0"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 1
+    with dataset.alone(tmp_path):  # the other one has ended
+        pass
 
 
 def test_another_recipe_in_the_same_folder_is_refused(made: Path) -> None:
