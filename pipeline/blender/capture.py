@@ -222,7 +222,7 @@ def _continued(scene: bpy.types.Scene, found: Capture, wanted: Capture, chosen: 
         raise LightsphereError(
             f"{found.folder} holds a capture with other lights or another camera; choose another folder or delete it"
         )
-    if any(not _is_intact(found.folder / name, found.notes["sha256"][name]) for name in truth.FILES):
+    if any(not images.is_intact(found.folder / name, found.notes["sha256"][name]) for name in truth.FILES):
         with cycles.own_lights_hidden(scene):
             truth.write(scene, found.camera, found.folder)
     return found
@@ -233,14 +233,10 @@ def _remove_partial_files(folder: Path) -> None:
         left.unlink(missing_ok=True)
 
 
-def _is_intact(path: Path, checksum: str) -> bool:
-    return path.is_file() and images.checksum(path) == checksum
-
-
 def _intact(started: Capture, journal: Journal) -> dict[str, str]:
     """Return the recorded checksum of every picture by name, ``""`` where it is missing or damaged."""
     recorded = dict(zip(started.files, started.checksums, strict=True)) | journal.read()
-    return {name: recorded[name] * _is_intact(started.folder / name, recorded[name]) for name in started.files}
+    return {name: recorded[name] * images.is_intact(started.folder / name, recorded[name]) for name in started.files}
 
 
 def _without_cycles(started: Capture) -> bool:

@@ -98,6 +98,22 @@ def first_hits(scene: bpy.types.Scene, camera: Camera) -> FirstHits:
     return FirstHits(passes["object"][..., 0] == OBJECT_INDEX, material, passes["position"], names)
 
 
+def render_passes(
+    scene: bpy.types.Scene, camera: Camera, folder: Path, passes: tuple[str, ...]
+) -> dict[str, NDArray[Any]]:
+    """Render a scene once with some passes switched on, by way of a file in a folder; return all channels (H, W)."""
+    path = exr.partial_name(folder / "passes.exr")  # a killed run's is removed with its other partial files
+    with (
+        cycles.measuring(scene, camera, cycles.DIRECT),
+        cycles.openexr(scene, layers=True),
+        cycles.changed(scene.view_layers[0], dict.fromkeys(passes, True)),
+    ):
+        cycles.render(scene, path)
+    channels = exr.read(path)
+    path.unlink()
+    return channels
+
+
 def _depth(position: NDArray[Any], camera: Camera) -> NDArray[np.float64]:
     """Return the length of each pixel's ray; Blender's own depth is the distance from the camera's plane."""
     origins, directions = camera.rays()
@@ -105,17 +121,8 @@ def _depth(position: NDArray[Any], camera: Camera) -> NDArray[np.float64]:
 
 
 def _render(scene: bpy.types.Scene, camera: Camera, folder: Path) -> dict[str, NDArray[Any]]:
-    path = exr.partial_name(folder / "passes.exr")  # a killed run's is removed with its other partial files
-    layer = scene.view_layers[0]
-    with (
-        cycles.measuring(scene, camera, cycles.DIRECT),
-        cycles.openexr(scene, layers=True),
-        cycles.changed(layer, dict.fromkeys(PASSES + INDICES, True)),
-        _indices(scene),
-    ):
-        cycles.render(scene, path)
-    channels = exr.read(path)
-    path.unlink()
+    with _indices(scene):
+        channels = render_passes(scene, camera, folder, PASSES + INDICES)
     return {
         name: np.stack([next(v for key, v in channels.items() if key.endswith(end)) for end in ends], axis=-1)
         for name, ends in SUFFIXES.items()

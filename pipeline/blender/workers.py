@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import LightsphereError
-from ..core.workers import Died, Worker
+from ..core.workers import Died, Worker, next_answer
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -88,14 +88,8 @@ class Pool:
         RuntimeError
             When a worker died, with its last words.
         """
-        while True:
-            try:
-                answer = self._answers.get(timeout=0.1)  # so that an interrupt is heard on every system
-            except queue.Empty:
-                continue
-            if isinstance(answer, Exception):
-                raise answer
-            return answer
+        light, checksum = next_answer(self._answers)
+        return light, checksum
 
     def _start(self, count: int, words: list[str]) -> None:
         arguments, environment = command_line(*words)

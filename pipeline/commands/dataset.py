@@ -23,7 +23,7 @@ from ..core.dataset.recipe import template as recipe_template
 from ..core.dataset.run import Forecast, Hire, Made, forecast, make
 from ..core.errors import LightsphereError
 from ..core.progress import Progress, Work
-from ..core.workers import Worker
+from ..core.workers import Died, Worker
 from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar
 
@@ -207,13 +207,13 @@ def _tried(folder: Path, recipe: Recipe, count: int, device: str) -> Work[tuple[
 
     def timed(index: int) -> float:
         process, begun = free.get(), time.perf_counter()
-        process.ask(index, "sample")
+        _asked(process, index)
         free.put(process)
         return time.perf_counter() - begun
 
     try:
         with ThreadPoolExecutor(count) as pool:
-            list(pool.map(lambda process: process.ask(0, "sample"), processes))
+            list(pool.map(lambda process: _asked(process, 0), processes))
             started = time.perf_counter() - start
             yield Progress("start", 1, 1)
             for process in processes:
@@ -225,14 +225,19 @@ def _tried(folder: Path, recipe: Recipe, count: int, device: str) -> Work[tuple[
             process.close()
 
 
+def _asked(process: Worker, index: int) -> None:
+    """Let a process make a sample on trial; raise LightsphereError where it dies of it."""
+    try:
+        process.ask(index, "sample")
+    except Died as death:
+        raise LightsphereError(
+            f"the process that tried sample {index} ended with status {death.status}: {death.words}; a run would list "
+            "the sample and go on"
+        ) from death
+
+
 def _wrong_with(capture: Capture) -> list[str]:
-    beside: dict[str, str] = capture.notes.get("sha256", {})
-    wrong = [f"{name} is missing or damaged" for name in capture.changed()]
-    for name, digest in beside.items():
-        path = capture.folder / name
-        if not path.is_file() or images.checksum(path) != digest:
-            wrong.append(f"{name} is missing or damaged")
-    return wrong
+    return [f"{name} is missing or damaged" for name in capture.damaged()]
 
 
 def _bytes(size: float) -> str:
@@ -244,10 +249,6 @@ def _bytes(size: float) -> str:
 
 
 def _time(seconds: float) -> str:
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 120
-        else f"{seconds / 60:.0f} min"
-        if seconds < 7200
-        else f"{seconds / 3600:,.1f} h"
-    )
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:,.1f} h"

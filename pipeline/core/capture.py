@@ -139,8 +139,23 @@ class Capture:
         return [
             name
             for name, recorded in zip(self.files, self.checksums, strict=True)
-            if recorded and not ((self.folder / name).is_file() and images.checksum(self.folder / name) == recorded)
+            if recorded and not images.is_intact(self.folder / name, recorded)
         ]
+
+    def damaged(self) -> list[str]:
+        """Return all files, the layers beside the pictures, too, that are missing or not as they were written.
+
+        Raises
+        ------
+        LightsphereError
+            When it is not readable what was recorded.
+        """
+        try:
+            beside = {str(name): str(recorded) for name, recorded in self.notes.get("sha256", {}).items()}
+            layers = [name for name, recorded in beside.items() if not images.is_intact(self.folder / name, recorded)]
+            return self.changed() + layers
+        except BROKEN_JSON as error:
+            raise LightsphereError(f"{self.folder / FILE} is damaged ({error!r}); capture again") from error
 
     def select(self, indices: NDArray[np.int64]) -> Capture:
         """Return the capture restricted to some of its lights."""

@@ -90,6 +90,11 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def is_intact(path: Path, recorded: str) -> bool:
+    """Return whether a file is there with the SHA-256 that was recorded."""
+    return path.is_file() and checksum(path) == recorded
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically; raise LightsphereError when the disk is full or the folder is closed."""
     write_bytes(path, text.encode("utf-8"))

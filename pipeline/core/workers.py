@@ -8,6 +8,7 @@ are Blender's and are passed over. It ends with its input, so that none outlives
 from __future__ import annotations
 
 import contextlib
+import queue
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,18 @@ class Died(Exception):
     def __init__(self, status: int, words: str) -> None:
         super().__init__(f"a worker ended with status {status}: {words}")
         self.status, self.words = status, words
+
+
+def next_answer(answers: queue.SimpleQueue[Any]) -> Any:
+    """Wait for the next answer that a thread passes on, and return it, or raise it where it is an error."""
+    while True:
+        try:
+            answer = answers.get(timeout=0.1)  # so that an interrupt is heard on every system
+        except queue.Empty:
+            continue
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
 
 
 class Worker:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..core.capture import Capture
 from ..core.dataset.draw import Sample
-from ..core.dataset.recipe import SPLITS, Recipe
+from ..core.dataset.recipe import CAPTURE, SPLITS, Recipe
 from ..core.settings import limits_of
 from . import figures, html, style
 
@@ -61,7 +61,7 @@ def _head(recipe: Recipe, samples: Sequence[Sample]) -> str:
 
 
 def _pictures(folder: Path, recipe: Recipe, samples: Sequence[Sample]) -> str:
-    if "capture" not in recipe.output.formats or not samples:
+    if CAPTURE not in recipe.output.formats or not samples:
         return ""
     even = np.unique(np.linspace(0, len(samples) - 1, SHOWN).astype(int))
     shown = [_pair(folder, samples[i]) for i in even]
@@ -70,7 +70,7 @@ def _pictures(folder: Path, recipe: Recipe, samples: Sequence[Sample]) -> str:
 
 
 def _pair(folder: Path, sample: Sample) -> str:
-    capture = Capture.open(folder / "capture" / sample.name)
+    capture = Capture.open(folder / CAPTURE / sample.name)
     truth = capture.truth()
     assert truth is not None
     picture = capture.image(0)

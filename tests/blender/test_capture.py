@@ -125,12 +125,13 @@ def test_damaged_and_missing_pictures_are_rendered_again(tmp_path: Path) -> None
     scene = small_scenes.lambert(0.5)
     done = finish(capture.capture(scene, "test", tmp_path, SMALL))
     whole = bytes_of(tmp_path)
-    assert done.changed() == []
+    assert done.changed() == done.damaged() == []
     (tmp_path / "light_0001.exr").unlink()
     (tmp_path / "light_0004.exr").write_bytes(whole["light_0003.exr"])
     (tmp_path / "truth.exr").write_bytes(b"damaged")
     (tmp_path / ".light_0001.exr.4711.part").write_bytes(b"left by a killed process")
     assert done.changed() == ["light_0001.exr", "light_0004.exr"]
+    assert done.damaged() == ["light_0001.exr", "light_0004.exr", "truth.exr"]
     steps = []
     finish(capture.capture(scene, "test", tmp_path, SMALL), steps.append)
     assert bytes_of(tmp_path) == whole

@@ -190,6 +190,12 @@ def test_a_capture_under_other_lights_shows_the_same_pictures(capture: Capture, 
     np.testing.assert_allclose(made.lights.intensity, dimmed.intensity)
 
 
+@pytest.mark.parametrize("recorded", [["mask.exr"], "mask.exr", 3])
+def test_checksums_that_are_none_are_refused(capture: Capture, recorded: object) -> None:
+    with pytest.raises(LightsphereError, match=r"capture\.json is damaged"):
+        dataclasses.replace(capture, notes={"sha256": recorded}).damaged()
+
+
 def test_a_capture_is_not_written_over_itself(capture: Capture) -> None:
     before = (capture.folder / "capture.json").read_bytes()
     with pytest.raises(LightsphereError, match="choose another folder"):

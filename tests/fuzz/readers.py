@@ -101,7 +101,7 @@ def _every_picture(capture: Capture) -> None:
     capture.truth()
     for light in range(len(capture)):
         capture.image(light)
-    capture.changed()
+    capture.damaged()
 
 
 def _shots(found: Any) -> None:

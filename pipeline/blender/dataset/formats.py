@@ -15,7 +15,7 @@
 from __future__ import annotations
 
 import io
-import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,10 +27,10 @@ from scipy.io import savemat
 from ...core import images
 from ...core.capture import FILE, Capture, Truth
 from ...core.dataset.draw import Sample
+from ...core.dataset.recipe import CAPTURE
 from ...core.errors import LightsphereError
 from .. import exr
 
-CAPTURE = "capture"
 MATLAB_TEXT = 116  # bytes of a MATLAB file that hold words, among them the date
 MM = 1000.0
 TO_THEIRS = np.array([1.0, -1.0, -1.0])  # y up, z to the viewer, to y down, z forward
@@ -55,10 +55,7 @@ def write(wanted: tuple[str, ...], capture: Capture, made: Path, sample: Sample)
             (made / name).mkdir()
             writer(capture, made / name)
     if CAPTURE not in wanted:
-        for path in capture.folder.iterdir():
-            path.unlink()
-        capture.folder.rmdir()
-        capture.folder.parent.rmdir()
+        shutil.rmtree(made / CAPTURE)
 
 
 def library_for(wanted: tuple[str, ...]) -> None:
@@ -106,7 +103,7 @@ def _hdf5(capture: Capture, path: Path) -> None:
         "light_positions": capture.lights.position,
         "light_intensities": capture.lights.intensity,
         "mask": capture.mask(),
-        "capture": np.bytes_(json.dumps(json.loads((capture.folder / FILE).read_text(encoding="utf-8")))),
+        "capture": np.bytes_((capture.folder / FILE).read_bytes()),
     }
     h5py = _h5py()
     sink = io.BytesIO()

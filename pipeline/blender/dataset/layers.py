@@ -8,7 +8,6 @@ material.
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.camera import Camera
-from .. import cycles, exr
+from .. import exr
+from ..truth import render_passes
 from .materials import ROUGHNESS, SHARES
 
 FILE = "layers.exr"
+PASSES = ("use_pass_diffuse_color", "use_pass_glossy_color")
 # Blender 4.5 and 5.2 call passes differently.
 COLOURS = {"diffuse": ("DiffCol", "Diffuse Color"), "glossy": ("GlossCol", "Glossy Color")}
 
@@ -34,18 +35,8 @@ def write(scene: bpy.types.Scene, camera: Camera, folder: Path, told: bool) -> N
     told : bool
         Whether the material tells its shares and roughness.
     """
-    layer = scene.view_layers[0]
-    passes = {"use_pass_diffuse_color": True, "use_pass_glossy_color": True}
-    with (
-        tempfile.TemporaryDirectory() as place,
-        cycles.measuring(scene, camera, cycles.DIRECT),
-        cycles.openexr(scene, layers=True),
-        cycles.changed(layer, passes),
-        _told(layer),
-    ):
-        path = Path(place) / "layers.exr"
-        cycles.render(scene, path)
-        found = exr.read(path)
+    with _told(scene.view_layers[0]):
+        found = render_passes(scene, camera, folder, PASSES)
     layers = {
         f"{name}.{channel}": _channel(found, [f"{word}.{channel}" for word in words])
         for name, words in COLOURS.items()

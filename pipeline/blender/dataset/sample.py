@@ -19,7 +19,7 @@ from ...core.capture import Capture
 from ...core.capture_settings import PlanSettings
 from ...core.dataset import folder as dataset
 from ...core.dataset.draw import Sample, draw, lights_of
-from ...core.dataset.recipe import PRINCIPLED, Recipe
+from ...core.dataset.recipe import CAPTURE, PRINCIPLED, Recipe
 from ...core.dataset.sensor import is_ideal, noise_of, sensor_of
 from ...core.photographs.develop import HALF_BITS
 from ...core.progress import finish
@@ -52,7 +52,7 @@ def make(recipe: Recipe, folder: Path, index: int, threads: int) -> None:
     sample = draw(recipe, index)
     made = folder / f".{sample.name}.{socket.gethostname()}.{os.getpid()}{dataset.PART}"
     shutil.rmtree(made, ignore_errors=True)
-    place = made / formats.CAPTURE / sample.name
+    place = made / CAPTURE / sample.name
     place.mkdir(parents=True)
     try:
         capture = render(recipe, sample, place, threads)
@@ -98,13 +98,9 @@ def render(recipe: Recipe, sample: Sample, place: Path, threads: int) -> Capture
         else plan.unmeasured(scene, lights, recipe.render.bounces, recipe.render.samples)
     )
     capture = dataclasses.replace(capture, notes=notes | planned.as_notes())
-    direct = _of_direct_light(capture)
-    if recipe.truth.direct and planned.transport.bounces:
-        _pictures(scene, direct, threads)
     capture = _pictures(scene, capture, threads)
-    if recipe.truth.direct and not planned.transport.bounces:
-        for name, same in zip(direct.files, capture.files, strict=True):
-            shutil.copyfile(place / same, place / name)
+    if recipe.truth.direct:
+        _direct_pictures(scene, capture, threads)
     return _finished(capture if is_ideal(recipe.sensor) else _exposed(recipe, sample, capture))
 
 
@@ -120,6 +116,16 @@ def _pictures(scene: bpy.types.Scene, capture: Capture, threads: int) -> Capture
     for _ in work:
         pass
     return dataclasses.replace(capture, notes=capture.notes | {"renderer": dataclasses.asdict(renderer)})
+
+
+def _direct_pictures(scene: bpy.types.Scene, capture: Capture, threads: int) -> None:
+    """Make the pictures of direct light alone beside a capture's; where nothing bounces they are the same."""
+    direct = _of_direct_light(capture)
+    if capture.notes["transport"]["bounces"]:
+        _pictures(scene, direct, threads)
+        return
+    for name, same in zip(direct.files, capture.files, strict=True):
+        shutil.copyfile(capture.folder / same, capture.folder / name)
 
 
 def _of_direct_light(capture: Capture) -> Capture:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import rig
-from ..errors import LightsphereError
+from ..capture_settings import CaptureSettings
 from ..lights import Lights
-from .recipe import OWN, PRINCIPLED, SHAPES, SPLITS, Range, Recipe
+from .recipe import PRINCIPLED, SHAPES, SPLITS, Range, Recipe
 
 
 class Stream:
@@ -140,11 +140,6 @@ def draw(recipe: Recipe, index: int) -> Sample:
         return Stream(r.seed, index, name)
 
     shape, material = stream("shape").one(r.shape.source), stream("material").one(r.material.source)
-    if material == OWN and shape in SHAPES:
-        raise LightsphereError(
-            f"sample {index} is a {shape} of its own material, which a made shape has not; take {OWN!r} out of "
-            "material.source, or made shapes out of shape.source"
-        )
     mixed = stream("count").whole(r.material.count) if material == PRINCIPLED else 0
     return Sample(
         index=index,
@@ -193,21 +188,15 @@ def lights_of(
     Lights
         Distant ones of irradiance pi [W/m^2], or near ones of I = pi d^2 [W/sr] at d, times their strengths: a white
         Lambertian surface that faces a usual light shows a radiance of about 1.
-
-    Raises
-    ------
-    LightsphereError
-        When so many lights do not fit apart from each other.
     """
     say = recipe.lights
     strength = _numbers(recipe, sample, "strength", sample.lights, say.strength)[:, None] * np.ones(3)
     if say.layout == "double-sphere":
         outer = max(4, sample.lights // 5)
-        inner = sample.lights - outer
         near, far = (radius * distance for distance in say.distance)
-        position = np.concatenate([near * rig.sphere(inner), far * rig.sphere(outer) @ rig.TURN.T]) + centre
-        surface = np.repeat([0, 1], [inner, outer])
-        return Lights("near", position, np.pi * near**2 * strength, surface)
+        spheres = CaptureSettings(inner=sample.lights - outer, outer=outer, radius_inner=near, radius_outer=far)
+        lights = rig.double_sphere(spheres, centre)
+        return dataclasses.replace(lights, intensity=lights.intensity * strength)
     direction = _directions(recipe, sample, axis)
     neither = np.full(sample.lights, 2)
     if say.layout == "distant":

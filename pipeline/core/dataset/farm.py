@@ -15,9 +15,10 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..errors import LightsphereError
-from ..workers import Died, Worker
+from ..workers import Died, Worker, next_answer
 
 CRASHES, KILLS = 3, 25  # deaths of a sample's process after which it is given up
 FROM_OUTSIDE = (-signal.SIGTERM, -getattr(signal, "SIGKILL", 9))
@@ -75,7 +76,7 @@ class Farm:
         self._start = start
         self._pending = deque(samples)
         self._left = len(samples)
-        self._answers: queue.SimpleQueue[Outcome | Exception] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._attempts = Attempts()
         self._lock = threading.Lock()
         self._workers: dict[int, Worker] = {}
@@ -110,14 +111,9 @@ class Farm:
             When processes end before they can work, with the last words of one.
         """
         while self._left:
-            try:
-                answer = self._answers.get(timeout=0.1)  # so that an interrupt is heard on every system
-            except queue.Empty:
-                continue
-            if isinstance(answer, Exception):
-                raise answer
+            outcome: Outcome = next_answer(self._answers)
             self._left -= 1
-            yield answer
+            yield outcome
 
     def _tend(self, place: int) -> None:
         """Keep one process at work."""

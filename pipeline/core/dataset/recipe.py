@@ -17,7 +17,8 @@ SPLITS = ("train", "validation", "test")
 SHAPES = ("blob", "vase", "superquadric")  # made by code
 MESHES = (".ply", ".obj", ".gltf", ".glb", ".usd", ".usda", ".usdc", ".usdz")
 OWN, PRINCIPLED = "own", "principled"
-FORMATS = ("capture", "diligent", "near", "hdf5", "webdataset")
+CAPTURE, SHARDS = "capture", "webdataset"
+FORMATS = (CAPTURE, "diligent", "near", "hdf5", SHARDS)
 
 Range = tuple[float, float]
 Words = tuple[str, ...]
@@ -233,6 +234,11 @@ class Recipe:
         for section, words in (("shape", self.shape.source), ("material", self.material.source)):
             if not words:
                 raise LightsphereError(f"{section}.source is empty; name what is to be drawn")
+        if OWN in self.material.source and (made := [word for word in self.shape.source if word in SHAPES]):
+            raise LightsphereError(
+                f"a {made[0]} may be drawn with its own material, which a made shape has not; take {OWN!r} out of "
+                "material.source, or made shapes out of shape.source"
+            )
         if self.lights.layout == "double-sphere" and self.lights.count[0] < 8:
             raise LightsphereError(f"lights.count is {self.lights.count[0]:g}; two spheres need 8 lights at least")
         if self.lights.layout == "double-sphere" and not self.lights.distance[0] < self.lights.distance[1]:
@@ -246,7 +252,7 @@ class Recipe:
                     f"output.formats has {name!r}, a layout for {kind} lights, and lights.layout is "
                     f"{self.lights.layout!r}; change one"
                 )
-        if "webdataset" in self.output.formats and "capture" not in self.output.formats:
+        if SHARDS in self.output.formats and CAPTURE not in self.output.formats:
             raise LightsphereError("output.formats has 'webdataset', which packs captures; add 'capture'")
         if "near" in self.output.formats and self.camera.model != "pinhole":
             raise LightsphereError("output.formats has 'near', a layout for pinhole cameras; change camera.model")

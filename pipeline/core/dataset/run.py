@@ -18,7 +18,7 @@ from . import folder as dataset
 from . import shards
 from .draw import Sample, draw, lights_count
 from .farm import Outcome
-from .recipe import Recipe
+from .recipe import SHARDS, Recipe
 
 BYTES = {"half": 2, "float": 4}
 TRIED = 6  # samples that a forecast makes at least
@@ -83,7 +83,7 @@ def make(folder: Path, recipe: Recipe, chosen: Sequence[int], hire: Hire) -> Wor
     samples = [draw(recipe, index) for index in found if index not in missing]
     dataset.write_manifest(folder, samples, missing)
     packed = []
-    if "webdataset" in recipe.output.formats:
+    if SHARDS in recipe.output.formats:
         packed = yield from shards.write(folder, samples, recipe.output.shard)
     return Made(samples, len(wanted) - len(missing), missing, packed)
 
@@ -138,12 +138,8 @@ def forecast(
 
 def _size(folder: Path, recipe: Recipe, index: int) -> int:
     """Return how much a finished sample takes, in a shard, too, if it is to be in one [bytes]."""
-    total = 0
-    for name, path in dataset.files_of(folder, index):
-        size = path.stat().st_size
-        packed = "webdataset" in recipe.output.formats and name.startswith("capture/")
-        total += size + (shards.member_size(size) if packed else 0)
-    return total
+    alone = sum(path.stat().st_size for _, path in dataset.files_of(folder, index))
+    return alone + (shards.size_in_shard(folder, index) if SHARDS in recipe.output.formats else 0)
 
 
 def _check_disk(folder: Path, recipe: Recipe, outcome: Outcome, there: int) -> None:

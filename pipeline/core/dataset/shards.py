@@ -13,9 +13,7 @@ from ..errors import LightsphereError
 from ..progress import Progress, Work
 from . import folder as dataset
 from .draw import Sample
-from .recipe import SPLITS
-
-FOLDER = "webdataset"
+from .recipe import CAPTURE, SHARDS, SPLITS
 
 
 def write(folder: Path, samples: Sequence[Sample], size: int) -> Work[list[Path]]:
@@ -26,7 +24,7 @@ def write(folder: Path, samples: Sequence[Sample], size: int) -> Work[list[Path]
     LightsphereError
         When the disk is full.
     """
-    place = folder / FOLDER
+    place = folder / SHARDS
     place.mkdir(exist_ok=True)
     made: list[Path] = []
     done = 0
@@ -43,9 +41,15 @@ def write(folder: Path, samples: Sequence[Sample], size: int) -> Work[list[Path]
     return made
 
 
-def member_size(size: int) -> int:
-    """Return what a file of some size takes in a tar file: whole blocks, and one for its name [bytes]."""
-    return tarfile.BLOCKSIZE * (1 + -(-size // tarfile.BLOCKSIZE))
+def size_in_shard(folder: Path, index: int) -> int:
+    """Return what a finished sample takes in a shard: whole blocks of every file, and one for its name [bytes]."""
+    sizes = (path.stat().st_size for path in _members(folder, index))
+    return sum(tarfile.BLOCKSIZE * (1 + -(-size // tarfile.BLOCKSIZE)) for size in sizes)
+
+
+def _members(folder: Path, index: int) -> list[Path]:
+    """Return the files of a finished sample that its shard holds."""
+    return [path for name, path in dataset.files_of(folder, index) if name.startswith(f"{CAPTURE}/")]
 
 
 def _pack(shard: Path, folder: Path, samples: Sequence[Sample]) -> None:
@@ -53,12 +57,11 @@ def _pack(shard: Path, folder: Path, samples: Sequence[Sample]) -> None:
     try:
         with tarfile.open(partial, "w", format=tarfile.USTAR_FORMAT) as tar:
             for sample in samples:
-                for name, path in dataset.files_of(folder, sample.index):
-                    if name.startswith(f"capture/{sample.name}/"):
-                        member = tarfile.TarInfo(f"{sample.name}.{path.name}")  # without time or owner
-                        member.size = path.stat().st_size
-                        with path.open("rb") as stream:
-                            tar.addfile(member, stream)
+                for path in _members(folder, sample.index):
+                    member = tarfile.TarInfo(f"{sample.name}.{path.name}")  # without time or owner
+                    member.size = path.stat().st_size
+                    with path.open("rb") as stream:
+                        tar.addfile(member, stream)
         partial.replace(shard)
     except OSError as error:
         partial.unlink(missing_ok=True)

@@ -163,9 +163,7 @@ def _already(folder: Path, identity: str) -> Capture | None:
         raise LightsphereError(
             f"{folder} holds another capture, or one imported otherwise; choose another folder or delete it"
         )
-    layers = there.notes["sha256"].items()
-    whole = all((folder / name).is_file() and images.checksum(folder / name) == digest for name, digest in layers)
-    return there if whole and not there.changed() else None
+    return None if there.damaged() else there
 
 
 def _without(ambient: Decoded, picture: Decoded) -> NDArray[np.float32]:

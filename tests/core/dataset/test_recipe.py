@@ -52,6 +52,10 @@ def test_one_number_is_a_range_without_width_and_one_word_a_list_of_one() -> Non
         ({"material": {"roughness": "dull"}}, "material.roughness is 'dull'; give a number"),
         ({"shape": {"source": [3]}}, r"shape.source is \[3\]; give a word or a list of words"),
         ({"shape": {"source": []}}, "shape.source is empty"),
+        (
+            {"material": {"source": ["principled", "own"]}, "shape": {"source": ["gourd", "vase"]}},
+            "a vase may be drawn",
+        ),
         ({"lights": {"layout": "ring"}}, "lights.layout is 'ring'; choose one of distant, near"),
         ({"lights": {"layout": "double-sphere", "count": 6}}, "two spheres need 8 lights"),
         ({"lights": {"layout": "double-sphere", "distance": 2.0}}, "lights.distance needs two numbers"),
