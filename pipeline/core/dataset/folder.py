@@ -109,7 +109,11 @@ def commit(made: Path, folder: Path, index: int) -> None:
             place = folder / layout.name / item.name
             if place.is_dir():
                 shutil.rmtree(place, ignore_errors=True)
-            item.replace(place)
+            try:
+                item.replace(place)
+            except OSError:
+                if not place.is_dir():  # else another process has put its equal folder there since
+                    raise
     images.write_text(finished_list(folder, index), "".join(lines))
 
 

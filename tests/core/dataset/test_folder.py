@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -82,6 +83,22 @@ def test_a_sample_made_again_takes_the_place_of_a_damaged_one(made: Path) -> Non
     commit(made, 2)
     assert finish(dataset.verify(made)) == []
     assert sorted(path.name for path in (made / "capture/00000002").iterdir()) == ["capture.json", "light.exr"]
+
+
+def test_two_processes_may_put_the_same_sample_in_place_at_once(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, remove = made / "capture" / sample_name(2), shutil.rmtree
+
+    def and_the_other_is_quicker(path: Path, ignore_errors: bool) -> None:
+        remove(path, ignore_errors=ignore_errors)
+        if path == place:
+            shutil.copytree(made.with_name("equal"), place)
+
+    shutil.copytree(place, made.with_name("equal"))
+    monkeypatch.setattr(shutil, "rmtree", and_the_other_is_quicker)
+    commit(made, 2)
+    monkeypatch.undo()
+    dataset.remove_partial(made)
+    assert finish(dataset.verify(made)) == []
 
 
 def test_a_list_that_leads_out_of_the_folder_is_refused(made: Path) -> None:
