@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,10 @@ from ..core.errors import LightsphereError
 from ..core.workers import Died, Worker
 
 PATIENCE = 300.0  # seconds without a scheduler or a worker after which to give up
+ANSWER = 30.0  # seconds for the scheduler to say what became of a sample that has ended
 PAUSE = 0.2
 ROUND = 2000  # samples handed in at once: the scheduler's memory stays bounded
+_LOST = (OSError, RuntimeError, TimeoutError, CancelledError)  # what Dask's client raises when its scheduler is gone
 _kept = threading.local()
 
 
@@ -70,11 +73,15 @@ class Cluster:
                 self._hand_in()
                 finished = [future for future in self._futures if future.done()]
                 lost = self._client.status != "running"
-            except (OSError, RuntimeError, TimeoutError):  # what the client raises without a scheduler
+            except _LOST:
                 finished, lost = [], True
             for future in finished:
+                try:
+                    outcome = self._judged(future, self._futures[future])
+                except _LOST:  # the scheduler went between the end of the sample and its word about it
+                    lost = True
+                    break
                 index = self._futures.pop(future)
-                outcome = self._judged(future, index)
                 if outcome is None:
                     self._pending.append(index)
                     continue
@@ -92,16 +99,17 @@ class Cluster:
 
     def _hand_in(self) -> None:
         while self._pending and len(self._futures) < ROUND:
-            index = self._pending.pop()
+            index = self._pending[-1]
             self._number += 1
             key = f"sample-{index}-{self._number}-{os.getpid()}"
             words = (str(self._folder), index, self._device)
             self._futures[self._client.submit(make_sample, *words, key=key, pure=False)] = index
+            self._pending.pop()
 
     def _judged(self, future: Any, index: int) -> Outcome | None:
         """Return what became of a sample, None where it must be made again."""
         if future.status == "finished":
-            kind, words, status = future.result()
+            kind, words, status = future.result(timeout=ANSWER)
             if kind == "died":
                 reason = self._attempts.reason(index, Died(status, words))
                 return Outcome(index, reason) if reason else None
@@ -141,7 +149,7 @@ class Cluster:
     def _is_at_work(self) -> bool:
         try:
             return bool(self._client.scheduler_info()["workers"])
-        except (OSError, RuntimeError, TimeoutError):
+        except _LOST:
             return False
 
 
