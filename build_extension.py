@@ -3,6 +3,7 @@
     python build_extension.py                                  for this machine and this Python's Blender
     python build_extension.py --line 5.2 --platform macos-arm64
     python build_extension.py --all                            every platform and line
+    python build_extension.py --python 3.14                    for a Blender that a distribution built with that Python
 
 Wheels are downloaded by pip into wheels/, the zips come to dist/ and their weight is printed. Run it with the
 Python of an environment that bootstrap.py made: the builder is the one inside Blender's module.
@@ -11,6 +12,7 @@ Python of an environment that bootstrap.py made: the builder is the one inside B
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib.util
 import platform
 import shutil
@@ -33,6 +35,7 @@ NOT_FOR = {"macos-arm64": ("embreex",)}
 class Line:
     """A Blender line: the Python and numpy inside it, and the versions a zip with such wheels is for."""
 
+    name: str
     python: str
     numpy: str
     first: str
@@ -40,13 +43,19 @@ class Line:
 
 
 LINES = {
-    "4.5": Line("3.11", "1.26.*", "4.5.0", "5.0.0"),
-    "5.2": Line("3.13", "2.*", "5.2.0", None),
+    "4.5": Line("4.5", "3.11", "1.26.*", "4.5.0", "5.0.0"),
+    "5.2": Line("5.2", "3.13", "2.*", "5.2.0", None),
 }
 
 # Blender's name for a platform -> the wheel tags that its oldest supported system can load.
 PLATFORMS = {
-    "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
+    "linux-x64": (
+        "linux_x86_64",
+        "manylinux_2_28_x86_64",
+        "manylinux_2_27_x86_64",
+        "manylinux_2_17_x86_64",
+        "manylinux2014_x86_64",
+    ),
     "windows-x64": ("win_amd64",),
     "macos-arm64": ("macosx_12_0_arm64", "macosx_11_0_arm64", "macosx_10_13_universal2", "macosx_10_9_universal2"),
 }
@@ -58,10 +67,12 @@ def main() -> None:
     parser.add_argument("--line", choices=LINES, default=this_line())
     parser.add_argument("--platform", choices=PLATFORMS, default=this_platform())
     parser.add_argument("--all", action="store_true")
+    parser.add_argument("--python", help="of a Blender that was not built by blender.org", metavar="VERSION")
     chosen = parser.parse_args()
-    pairs = [(chosen.line, chosen.platform)]
+    line = LINES[chosen.line]
+    pairs = [(dataclasses.replace(line, python=chosen.python or line.python), chosen.platform)]
     if chosen.all:
-        pairs = [(line, name) for line in LINES for name in PLATFORMS]
+        pairs = [(line, name) for line in LINES.values() for name in PLATFORMS]
     run_builder("validate", str(ROOT))
     for line, name in pairs:
         wheels = download(line, name)
@@ -86,31 +97,32 @@ def this_platform() -> str:
     return f"{system}-{machine}"
 
 
-def requirements(line: str, name: str) -> list[str]:
+def requirements(line: Line, name: str) -> list[str]:
     """Return what the extension needs, as pip reads it: the dependencies of the project without Blender's own."""
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
     needed = [d for d in declared if not d.startswith(OF_BLENDER + NOT_FOR.get(name, ()))]
-    needed.append(f"numpy=={LINES[line].numpy}")  # so that wheels are chosen that work with Blender's
+    needed.append(f"numpy=={line.numpy}")  # so that wheels are chosen that work with Blender's
     if name.startswith("windows"):
         needed.append("colorama")  # typer's on Windows only, which pip does not see from elsewhere
     return needed
 
 
-def download(line: str, name: str) -> list[Path]:
+def download(line: Line, name: str) -> list[Path]:
     """Fetch the wheels for a Blender line and platform; return them without those that Blender brings."""
-    folder = ROOT / "wheels" / f"{line}-{name}"
+    folder = ROOT / "wheels" / f"{line.name}-{line.python}-{name}"
     shutil.rmtree(folder, ignore_errors=True)
     tags = [word for tag in PLATFORMS[name] for word in ("--platform", tag)]
-    only = ["--only-binary=:all:", "--implementation", "cp", "--python-version", LINES[line].python]
+    only = ["--only-binary=:all:", "--implementation", "cp", "--python-version", line.python]
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--dest", str(folder)]
     subprocess.run([*command, *only, *tags, *requirements(line, name)], check=True)
     return sorted(wheel for wheel in folder.glob("*.whl") if not wheel.name.lower().startswith(OF_BLENDER))
 
 
-def build(line: str, name: str, wheels: Iterable[Path]) -> Path:
+def build(line: Line, name: str, wheels: Iterable[Path]) -> Path:
     """Stage the extension with its wheels and let Blender's builder make the zip; return it."""
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
-    archive = ROOT / "dist" / f"lightsphere-{version}-blender{line}-{name}.zip"
+    own = "" if line in LINES.values() else f"-python{line.python}"
+    archive = ROOT / "dist" / f"lightsphere-{version}-blender{line.name}{own}-{name}.zip"
     archive.parent.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
         stage = Path(temporary)
@@ -133,7 +145,7 @@ def copy(source: Path, target: Path) -> None:
         shutil.copy(source, target)
 
 
-def manifest(line: str, name: str, wheels: Iterable[Path]) -> str:
+def manifest(line: Line, name: str, wheels: Iterable[Path]) -> str:
     """Return the manifest of one zip: the project's, narrowed to a platform and Blender line, with its wheels."""
     lines = []
     for text in (ROOT / "blender_manifest.toml").read_text(encoding="utf-8").splitlines():
@@ -142,9 +154,9 @@ def manifest(line: str, name: str, wheels: Iterable[Path]) -> str:
         if text.startswith("platforms"):
             text = f'platforms = ["{name}"]\nwheels = [\n' + "".join(f'  "./wheels/{w.name}",\n' for w in wheels) + "]"
         elif text.startswith("blender_version_min"):
-            text = f'blender_version_min = "{LINES[line].first}"'
-            if beyond := LINES[line].beyond:
-                text += f'\nblender_version_max = "{beyond}"'
+            text = f'blender_version_min = "{line.first}"'
+            if line.beyond:
+                text += f'\nblender_version_max = "{line.beyond}"'
         lines.append(text)
     return "\n".join(lines) + "\n"
 

@@ -2,23 +2,39 @@
 
 import bpy
 
-from . import command, operators, panels, preferences, properties, stages
+from ..pipeline.blender import exr
+from . import command, files, live, operators, panels, preferences, properties, rig_overlay, runs, translations
 
-CLASSES = (*properties.CLASSES, preferences.LIGHTSPHERE_AP_preferences, *operators.CLASSES, *panels.CLASSES)
+CLASSES = (
+    *properties.CLASSES,
+    *preferences.CLASSES,
+    *operators.CLASSES,
+    *files.CLASSES,
+    *panels.CLASSES,
+)
 
 
 def register() -> None:
-    """Add classes, the scene's settings and the command to Blender."""
+    """Add classes, the scene's settings, menus and the command to Blender."""
+    exr.replace_library()
     for item in CLASSES:
         bpy.utils.register_class(item)
     properties.attach()
+    files.register()
+    live.register()
+    rig_overlay.register()
     command.register()
+    translations.register()
 
 
 def unregister() -> None:
     """Stop a running stage and take everything back out."""
-    stages.stop()
+    runs.stop()
+    translations.unregister()
     command.unregister()
+    rig_overlay.unregister()
+    live.unregister()
+    files.unregister()
     properties.detach()
     for item in reversed(CLASSES):
         bpy.utils.unregister_class(item)

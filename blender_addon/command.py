@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from . import worker
+from . import preferences, worker
 
 _registered: list[Any] = []
 
@@ -25,17 +25,11 @@ def unregister() -> None:
 
 
 def run(words: Sequence[str]) -> int:
-    """Run the command and return its exit status: here, or in a process without Blender where it needs none.
-
-    Blender's own library reads the pictures here: the OpenEXR package clashes with it inside a Blender executable.
-    """
-    if words and words[0] in worker.WITHOUT_BLENDER:
+    """Run the command and return its exit status: here, or in a process without Blender where it needs none."""
+    if words and not worker.needs_blender(words):
         command, environment = worker.command_line(words)
         return subprocess.call(command, env=environment)
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(worker.user_folder("kernels")))
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(preferences.user_folder("kernels")))
     from ..pipeline import cli
-    from ..pipeline.blender import exr
-    from ..pipeline.core import images
 
-    images.use_library(exr.read, exr.write)
     return cli.main(words)

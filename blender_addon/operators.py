@@ -1,15 +1,25 @@
-"""The buttons: one operator per stage. A stage runs in a worker; Esc stops it and finished pictures are kept."""
+"""The buttons of the stages: each runs in a worker; Esc stops it and what is finished is kept."""
 
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
-from . import properties, results, settings, stages
+from . import comparison, costs, groups, live, results, runs, settings, stages
+from .stages import STAGES
 
-INTERVAL = 0.2  # [s] between two looks at the worker
+INTERVAL = 0.1  # [s] between two looks at the worker
 
 
-class LIGHTSPHERE_OT_add_rig(bpy.types.Operator):
+class Refusing:
+    """Operators that tell the artist what is wrong in place of an error's trace."""
+
+    def refuse(self, error: LightsphereError) -> set[str]:
+        """Tell what is wrong."""
+        self.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+
+
+class LIGHTSPHERE_OT_add_rig(Refusing, bpy.types.Operator):
     """Add the lights of the settings as an object that you can move and scale; the capture then uses it"""
 
     bl_idname = "lightsphere.add_rig"
@@ -22,32 +32,25 @@ class LIGHTSPHERE_OT_add_rig(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add the rig about the object."""
-        shown = properties.of(context.scene).capture
+        shown = context.scene.lightsphere.capture
         try:
             item = results.add_rig(context.scene, settings.values(shown, CaptureSettings))
         except LightsphereError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self.refuse(error)
         shown.rig = results.OWN_RIG
         self.report({"INFO"}, f"{item.name!r} holds {len(item.data.vertices)} lights")
         return {"FINISHED"}
 
 
-class StageOperator:
-    """What the operators of all stages do alike."""
+class Running(Refusing):
+    """Operators that run a worker beside the window, or, for scripts and without a window, to its end."""
 
-    stage = ""
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, stages.lacks(cls.stage, context.scene))
-
-    def start(self, context: bpy.types.Context) -> stages.Run:
+    def start(self, context: bpy.types.Context) -> runs.Run:
         """Start the worker."""
-        return stages.Run(stages.STAGES[self.stage], context.scene)
+        raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run the stage to its end, as scripts and Blender without a window do."""
+        """Run to the end."""
         try:
             run = self.start(context)
             run.wait()
@@ -56,7 +59,7 @@ class StageOperator:
             return self.refuse(error)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Run the stage beside the window."""
+        """Run beside the window."""
         try:
             self.run = self.start(context)
         except LightsphereError as error:
@@ -76,7 +79,7 @@ class StageOperator:
             return {"RUNNING_MODAL" if event.type == "ESC" else "PASS_THROUGH"}
         context.window_manager.event_timer_remove(self.timer)
         if state == "stopped":
-            self.report({"INFO"}, f"Stopped; what is finished is kept in {self.run.folder}")
+            self.report({"INFO"}, self.run.stopped())
             return {"CANCELLED"}
         try:
             return self.bring(self.run)
@@ -88,15 +91,23 @@ class StageOperator:
         self.run.stop()
         show(context, None)
 
-    def bring(self, run: stages.Run) -> set[str]:
+    def bring(self, run: runs.Run) -> set[str]:
         """Put the result into the file."""
         self.report({"INFO"}, run.bring())
         return {"FINISHED"}
 
-    def refuse(self, error: LightsphereError) -> set[str]:
-        """Tell what is wrong."""
-        self.report({"ERROR"}, str(error))
-        return {"CANCELLED"}
+
+class StageOperator(Running):
+    """What the operators of all stages do alike."""
+
+    stage = ""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return allowed(cls, runs.lacks(cls.stage, context.scene))
+
+    def start(self, context: bpy.types.Context) -> runs.Run:
+        return runs.Run(STAGES[self.stage], context.scene)
 
 
 class LIGHTSPHERE_OT_capture(StageOperator, bpy.types.Operator):
@@ -111,9 +122,9 @@ class LIGHTSPHERE_OT_capture(StageOperator, bpy.types.Operator):
         name="Continue", description="Go on with the capture that was stopped, as the scene was then"
     )
 
-    def start(self, context: bpy.types.Context) -> stages.Run:
-        stopped = stages.stopped_capture() if self.resume else None
-        return stages.Run(stages.STAGES[self.stage], context.scene, stopped)
+    def start(self, context: bpy.types.Context) -> runs.Run:
+        stopped = runs.stopped_capture() if self.resume else None
+        return runs.Run(STAGES[self.stage], context.scene, stopped)
 
 
 class LIGHTSPHERE_OT_import_photographs(StageOperator, bpy.types.Operator):
@@ -134,8 +145,17 @@ class LIGHTSPHERE_OT_shape(StageOperator, bpy.types.Operator):
     stage = "shape"
 
 
+class LIGHTSPHERE_OT_reflectance(StageOperator, bpy.types.Operator):
+    """Find the materials that the recovered surface is mixed of, whatever they are, and where each is. Esc stops"""
+
+    bl_idname = "lightsphere.reflectance"
+    bl_label = "Recover Reflectance"
+    bl_options = {"UNDO"}
+    stage = "reflectance"
+
+
 class LIGHTSPHERE_OT_material(StageOperator, bpy.types.Operator):
-    """Fit a material to the capture on the recovered shape and add the asset to the scene. Esc stops"""
+    """Make a node material of what was recovered and add the asset to the scene. Esc stops"""
 
     bl_idname = "lightsphere.material"
     bl_label = "Make Material"
@@ -143,13 +163,173 @@ class LIGHTSPHERE_OT_material(StageOperator, bpy.types.Operator):
     stage = "material"
 
 
+class LIGHTSPHERE_OT_relight(StageOperator, bpy.types.Operator):
+    """Make the captured picture under the lights of this scene, without tracing a ray. Esc stops"""
+
+    bl_idname = "lightsphere.relight"
+    bl_label = "Relight"
+    bl_options = {"UNDO"}
+    stage = "relight"
+
+
+class LIGHTSPHERE_OT_inverse(StageOperator, bpy.types.Operator):
+    """Recover what every group of surfaces of this scene reflects from one photograph of it. Esc stops"""
+
+    bl_idname = "lightsphere.inverse"
+    bl_label = "Recover Reflectances"
+    bl_options = {"UNDO"}
+    stage = "inverse"
+
+
 class LIGHTSPHERE_OT_compare(StageOperator, bpy.types.Operator):
-    """Render the asset as it is now under captured and new lights, and open maps of its errors. Esc stops"""
+    """Render the asset as it is now under captured and new lights, and show where they differ. Esc stops"""
 
     bl_idname = "lightsphere.compare"
     bl_label = "Compare with the Capture"
     bl_options = {"UNDO"}
     stage = "compare"
+
+
+class LIGHTSPHERE_OT_estimate(Running, bpy.types.Operator):
+    """Try the stage on a part of its input: what Draft, Standard and Final would take and give. Esc stops"""
+
+    bl_idname = "lightsphere.estimate"
+    bl_label = "Estimate Time and Error"
+
+    stage: bpy.props.EnumProperty(
+        name="Stage", items=[(name, name.title(), "") for name, stage in STAGES.items() if stage.varied]
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return allowed(cls, f"{runs.running.stage.doing}: Esc stops it" if runs.running else "")
+
+    def start(self, context: bpy.types.Context) -> runs.Run:
+        lacking = STAGES[self.stage].lacks(context.scene)
+        if lacking:
+            raise LightsphereError(lacking)
+        return runs.Estimate(STAGES[self.stage], context.scene)
+
+
+class LIGHTSPHERE_OT_preset(bpy.types.Operator):
+    """Use these settings: the quickest that are expected to have an error as small as is said"""
+
+    bl_idname = "lightsphere.preset"
+    bl_label = "Use Preset"
+    bl_options = {"UNDO"}
+
+    stage: bpy.props.StringProperty(name="Stage")
+    preset: bpy.props.StringProperty(name="Preset")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set the stage's settings."""
+        stage = STAGES.get(self.stage)
+        if stage is None or self.preset not in costs.presets(stage, context.scene):
+            self.report({"ERROR"}, "No estimate is there for these settings; estimate time and error first")
+            return {"CANCELLED"}
+        costs.apply(stage, context.scene, self.preset)
+        return {"FINISHED"}
+
+
+class LIGHTSPHERE_OT_relight_live(bpy.types.Operator):
+    """Keep the relit picture up to date while you move the lights of this scene; press again to end it"""
+
+    bl_idname = "lightsphere.relight_live"
+    bl_label = "Relight Live"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return allowed(cls, "" if live.session else STAGES["relight"].lacks(context.scene))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Start or end it."""
+        if live.session is None:
+            live.start(context.scene)
+        else:
+            live.stop()
+        return {"FINISHED"}
+
+
+class LIGHTSPHERE_OT_view_comparison(Refusing, bpy.types.Operator):
+    """Show the comparison in the Image Editors that are open"""
+
+    bl_idname = "lightsphere.view_comparison"
+    bl_label = "Show in Image Editor"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show it."""
+        try:
+            comparison.show(context.scene)
+        except LightsphereError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
+
+
+class LIGHTSPHERE_OT_list_groups(Refusing, bpy.types.Operator):
+    """List which surfaces share a reflectance"""
+
+    bl_idname = "lightsphere.list_groups"
+    bl_label = "List Groups"
+    bl_options = {"UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """List them."""
+        try:
+            groups.listed(context.scene)
+        except LightsphereError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
+
+
+class LIGHTSPHERE_OT_assign_group(Refusing, bpy.types.Operator):
+    """Let the selected objects share one reflectance"""
+
+    bl_idname = "lightsphere.assign_group"
+    bl_label = "Group Selected"
+    bl_options = {"UNDO"}
+
+    name: bpy.props.StringProperty(name="Name", description="Of the group. Empty: back to the rule of the settings")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return allowed(cls, "" if context.selected_objects else "No object is selected")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the name."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Group them."""
+        try:
+            groups.assign(context.scene, context.selected_objects, self.name.strip())
+        except LightsphereError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
+
+
+class LIGHTSPHERE_OT_apply_group(Refusing, bpy.types.Operator):
+    """Give the surfaces of a group the material that was recovered, or the one back that they had"""
+
+    bl_idname = "lightsphere.apply_group"
+    bl_label = "Apply Recovered Material"
+    bl_options = {"UNDO"}
+
+    index: bpy.props.IntProperty(name="Group", description="Its number; -1: all that were recovered", default=-1)
+    revert: bpy.props.BoolProperty(name="Revert", description="Give back the materials that were there")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Change the materials."""
+        every = [item for item in context.scene.lightsphere.groups if item.recovered]
+        chosen = every if self.index < 0 else [context.scene.lightsphere.groups[self.index]]
+        try:
+            for item in chosen:
+                if self.revert:
+                    groups.revert(item)
+                else:
+                    groups.apply(item)
+        except LightsphereError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
 
 
 def allowed(operator: type, reason: str) -> bool:
@@ -159,9 +339,9 @@ def allowed(operator: type, reason: str) -> bool:
     return not reason
 
 
-def show(context: bpy.types.Context, run: stages.Run | None) -> None:
+def show(context: bpy.types.Context, run: runs.Run | None) -> None:
     """Show how far a run is in the status bar and the panels."""
-    words = f"{run.stage.doing}: {stages.told(run.task)[1]}   Esc stops" if run else None
+    words = f"{run.stage.doing}: {runs.told(run.task)[1]}   Esc stops" if run else None
     context.workspace.status_text_set(words)
     for window in context.window_manager.windows:
         for area in window.screen.areas:
@@ -174,6 +354,16 @@ CLASSES = (
     LIGHTSPHERE_OT_capture,
     LIGHTSPHERE_OT_import_photographs,
     LIGHTSPHERE_OT_shape,
+    LIGHTSPHERE_OT_reflectance,
     LIGHTSPHERE_OT_material,
+    LIGHTSPHERE_OT_relight,
+    LIGHTSPHERE_OT_inverse,
     LIGHTSPHERE_OT_compare,
+    LIGHTSPHERE_OT_estimate,
+    LIGHTSPHERE_OT_preset,
+    LIGHTSPHERE_OT_relight_live,
+    LIGHTSPHERE_OT_view_comparison,
+    LIGHTSPHERE_OT_list_groups,
+    LIGHTSPHERE_OT_assign_group,
+    LIGHTSPHERE_OT_apply_group,
 )

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import bpy
 
-from ..pipeline.core.capture_settings import CaptureSettings
-from ..pipeline.core.compare import CompareSettings
-from ..pipeline.core.material import MaterialSettings
-from ..pipeline.core.photographs.settings import ImportSettings
-from ..pipeline.core.shape.settings import ShapeSettings
-from . import properties, stages
+from . import comparison, costs, layers, live, results, rig_overlay, runs, stages
+from .stages import STAGES
 
 
 class StagePanel:
@@ -22,39 +17,60 @@ class StagePanel:
     bl_region_type = "UI"
     bl_category = "Lightsphere"
     stage = ""
-    opens = ""  # the scene's property that names what the stage opens
-    settings_type: type[Any]
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw what the stage opens, its button, why it is grey, and how far it is."""
+        """Draw what the stage opens, what it costs, its button, why it is grey, how far it is, and its results."""
         self.layout.use_property_split = True
         self.layout.use_property_decorate = False
         self.draw_input(context)
-        running = stages.running
-        if running is not None and running.stage.name == self.stage:
-            share, words = stages.told(running.task)
+        if runs.running is not None and runs.running.stage.name == self.stage:
+            share, words = runs.told(runs.running.task)
             self.layout.progress(factor=share, text=words)
         else:
+            self.draw_costs(context)
             self.draw_button(context)
+            explain(self.layout, runs.lacks(self.stage, context.scene))
         self.draw_settings(context)
+        self.draw_results(context)
 
     def draw_input(self, context: bpy.types.Context) -> None:
         """Draw what the stage opens."""
-        if self.opens:
-            self.layout.prop(properties.of(context.scene), self.opens)
+        if STAGES[self.stage].opens:
+            self.layout.prop(context.scene.lightsphere, STAGES[self.stage].opens)
+
+    def draw_costs(self, context: bpy.types.Context) -> None:
+        """Draw the presets with what they are expected to take and give, and what the stage took last."""
+        stage, scene = STAGES[self.stage], context.scene
+        if stage.varied and not stage.lacks(scene):
+            column = self.layout.column(align=True)
+            for name, preset in costs.presets(stage, scene).items():
+                words = f"{bpy.app.translations.pgettext_iface(name.title())}: {costs.told(preset)}"
+                pressed = costs.is_set(stage, scene, preset)
+                button = column.operator("lightsphere.preset", text=words, translate=False, depress=pressed)
+                button.stage, button.preset = stage.name, name
+            if not costs.presets(stage, scene):
+                column.operator("lightsphere.estimate", icon="TIME").stage = stage.name
+        seconds = costs.last_time(scene, stage.name)
+        if seconds is not None:
+            row = self.layout.row()
+            row.active = False
+            took = bpy.app.translations.pgettext_iface("Last time")
+            row.label(text=f"{took}: {costs.duration(seconds)}", translate=False)
 
     def draw_button(self, context: bpy.types.Context) -> None:
-        """Draw the stage's button, and below it why it is grey."""
+        """Draw the stage's button."""
         self.layout.operator(f"lightsphere.{self.stage}")
-        explain(self.layout, stages.lacks(self.stage, context.scene))
 
     def draw_settings(self, context: bpy.types.Context) -> None:
         """Draw the stage's settings in a part that folds away."""
         header, body = self.layout.panel(f"LIGHTSPHERE_{self.stage}_settings", default_closed=True)
         header.label(text="Settings")
         if body is not None:
-            for item in dataclasses.fields(self.settings_type):
-                body.prop(getattr(properties.of(context.scene), self.stage), item.name)
+            for item in dataclasses.fields(STAGES[self.stage].settings):
+                body.prop(getattr(context.scene.lightsphere, self.stage), item.name)
+
+    def draw_results(self, context: bpy.types.Context) -> None:
+        """Draw what can be looked at once the stage was done."""
 
 
 class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
@@ -63,16 +79,16 @@ class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_capture"
     bl_label = "Capture"
     stage = "capture"
-    settings_type = CaptureSettings
 
     def draw_input(self, context: bpy.types.Context) -> None:
         self.layout.operator("lightsphere.add_rig", icon="OUTLINER_OB_LIGHT")
+        for item in results.rigs(context.scene):
+            explain(self.layout, rig_overlay.told(item), "ERROR")
 
     def draw_button(self, context: bpy.types.Context) -> None:
         self.layout.operator("lightsphere.capture", icon="RENDER_STILL").resume = False
-        if stages.stopped_capture() is not None and stages.running is None:
+        if runs.stopped_capture() is not None and runs.running is None:
             self.layout.operator("lightsphere.capture", text="Continue the Stopped Capture").resume = True
-        explain(self.layout, stages.lacks(self.stage, context.scene))
 
 
 class LIGHTSPHERE_PT_import_photographs(StagePanel, bpy.types.Panel):
@@ -82,8 +98,6 @@ class LIGHTSPHERE_PT_import_photographs(StagePanel, bpy.types.Panel):
     bl_label = "Photographs"
     bl_options = {"DEFAULT_CLOSED"}
     stage = "import_photographs"
-    opens = "photographs"
-    settings_type = ImportSettings
 
 
 class LIGHTSPHERE_PT_shape(StagePanel, bpy.types.Panel):
@@ -92,8 +106,25 @@ class LIGHTSPHERE_PT_shape(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_shape"
     bl_label = "Shape"
     stage = "shape"
-    opens = "capture_folder"
-    settings_type = ShapeSettings
+
+    def draw_input(self, context: bpy.types.Context) -> None:
+        super().draw_input(context)
+        self.layout.prop(context.scene.lightsphere, "scan")
+        if context.scene.lightsphere.scan:
+            self.layout.prop(context.scene.lightsphere, "scan_unit")
+
+    def draw_results(self, context: bpy.types.Context) -> None:
+        if layers.shown(context.scene):
+            self.layout.prop(context.scene.lightsphere, "layer", text="Show")
+
+
+class LIGHTSPHERE_PT_reflectance(StagePanel, bpy.types.Panel):
+    """What the surface reflects."""
+
+    bl_idname = "LIGHTSPHERE_PT_reflectance"
+    bl_label = "Reflectance"
+    bl_options = {"DEFAULT_CLOSED"}
+    stage = "reflectance"
 
 
 class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
@@ -102,8 +133,71 @@ class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
     bl_idname = "LIGHTSPHERE_PT_material"
     bl_label = "Material"
     stage = "material"
-    opens = "shape_folder"
-    settings_type = MaterialSettings
+
+
+class LIGHTSPHERE_PT_relight(StagePanel, bpy.types.Panel):
+    """The captured picture under the scene's lights."""
+
+    bl_idname = "LIGHTSPHERE_PT_relight"
+    bl_label = "Relight"
+    bl_options = {"DEFAULT_CLOSED"}
+    stage = "relight"
+
+    def draw_button(self, context: bpy.types.Context) -> None:
+        super().draw_button(context)
+        self.layout.operator("lightsphere.relight_live", icon="PLAY", depress=live.session is not None)
+        if live.session is not None:
+            explain(self.layout, live.session.told)
+
+
+class LIGHTSPHERE_PT_inverse(StagePanel, bpy.types.Panel):
+    """The reflectances of this scene from one photograph."""
+
+    bl_idname = "LIGHTSPHERE_PT_inverse"
+    bl_label = "Inverse Rendering"
+    bl_options = {"DEFAULT_CLOSED"}
+    stage = "inverse"
+
+    def draw_results(self, context: bpy.types.Context) -> None:
+        shown = context.scene.lightsphere
+        row = self.layout.row(align=True)
+        row.operator("lightsphere.list_groups")
+        row.operator("lightsphere.assign_group")
+        if not shown.groups:
+            return
+        self.layout.template_list("LIGHTSPHERE_UL_groups", "", shown, "groups", shown, "group", rows=3)
+        chosen = shown.groups[min(shown.group, len(shown.groups) - 1)]
+        for words in chosen.told.split(", "):
+            explain(self.layout, words, "NONE")
+        if any(item.recovered for item in shown.groups):
+            row = self.layout.row(align=True)
+            row.operator("lightsphere.apply_group", text="Apply All").revert = False
+            row.operator("lightsphere.apply_group", text="Revert All").revert = True
+
+
+class LIGHTSPHERE_UL_groups(bpy.types.UIList):
+    """Groups of surfaces: name, what is known, apply or revert."""
+
+    bl_idname = "LIGHTSPHERE_UL_groups"
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: bpy.types.AnyType,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: bpy.types.AnyType,
+        active_property: str,
+        index: int,
+    ) -> None:
+        """Draw one group."""
+        level = item.told.split(", ")[0]
+        layout.label(text=f"{item.name}   {level}", icon="MATERIAL", translate=False)
+        if item.recovered:
+            icon_name = "LOOP_BACK" if item.is_applied else "CHECKMARK"
+            button = layout.operator("lightsphere.apply_group", text="", icon=icon_name, emboss=False)
+            button.index, button.revert = index, item.is_applied
 
 
 class LIGHTSPHERE_PT_compare(StagePanel, bpy.types.Panel):
@@ -113,22 +207,64 @@ class LIGHTSPHERE_PT_compare(StagePanel, bpy.types.Panel):
     bl_label = "Compare"
     bl_options = {"DEFAULT_CLOSED"}
     stage = "compare"
-    opens = "capture_folder"
-    settings_type = CompareSettings
+
+    def draw_results(self, context: bpy.types.Context) -> None:
+        if comparison.kinds(context.scene):
+            draw_view(self.layout, context.scene)
 
 
-def explain(layout: bpy.types.UILayout, reason: str) -> None:
-    """Say below a grey button why it is grey."""
+class LIGHTSPHERE_PT_comparison(bpy.types.Panel):
+    """The same choices beside the picture."""
+
+    bl_idname = "LIGHTSPHERE_PT_comparison"
+    bl_label = "Comparison"
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Lightsphere"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(comparison.kinds(context.scene))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choices."""
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        draw_view(self.layout, context.scene)
+
+
+def draw_view(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Draw which pictures of the comparison are shown, and how."""
+    shown = scene.lightsphere
+    layout.row().prop(shown, "view", expand=True)
+    if shown.view == "split":
+        layout.prop(shown, "view_split", slider=True)
+    layout.prop(shown, "view_kind")
+    layout.prop(shown, "view_light")
+    layout.operator("lightsphere.view_comparison", icon="IMAGE")
+    for kind, error in comparison.errors(stages.given(scene, "comparison_folder")).items():
+        row = layout.row()
+        row.label(text=kind.replace("_", " ").title())
+        row.label(text=f"{100 * error:.2g} %", translate=False)
+
+
+def explain(layout: bpy.types.UILayout, reason: str, icon: str = "INFO") -> None:
+    """Say in a soft line why a button is grey, or what was found."""
     if reason:
         row = layout.row()
-        row.active = False
-        row.label(text=reason, icon="INFO")
+        row.active = icon == "ERROR"
+        row.label(text=reason, icon=icon)
 
 
 CLASSES = (
+    LIGHTSPHERE_UL_groups,
     LIGHTSPHERE_PT_capture,
     LIGHTSPHERE_PT_import_photographs,
     LIGHTSPHERE_PT_shape,
+    LIGHTSPHERE_PT_reflectance,
     LIGHTSPHERE_PT_material,
+    LIGHTSPHERE_PT_relight,
+    LIGHTSPHERE_PT_inverse,
     LIGHTSPHERE_PT_compare,
+    LIGHTSPHERE_PT_comparison,
 )

@@ -10,14 +10,15 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.blender import asset as asset_files
-from ..pipeline.blender import capture, meshes, rig
+from ..pipeline.blender import capture, meshes, overlays, rig
+from ..pipeline.core import reflectance
 from ..pipeline.core.capture import Capture
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.shape import Shape
 from ..pipeline.core.shape.ply import read_ply
 
 ASSET = "asset.blend"
-FIGURES = "comparison.json"
 OWN_RIG = "scene"  # the rig setting that stands for the scene's rig object
 
 
@@ -54,17 +55,44 @@ def _complete(folder: Path, written: int) -> bool:
 def pictures(folder: Path) -> int:
     """Open a capture's pictures as one image sequence, a frame for every light; return their number."""
     files = Capture.open(folder).files
-    image = bpy.data.images.load(str(folder / files[0]))
-    image.name = folder.name
-    image.source = "SEQUENCE"
+    picture(folder / files[0], folder.name).source = "SEQUENCE"
     return len(files)
 
 
 def mesh(scene: bpy.types.Scene, folder: Path) -> bpy.types.Object:
-    """Add a recovered mesh to the scene, and its layers (depth, normal, confidence) as an image."""
-    layers = bpy.data.images.load(str(folder / "shape.exr"))
-    layers.name = f"{folder.name} layers"
-    return meshes.add_mesh(scene, folder.name, read_ply(folder / "mesh.ply"), None)
+    """Add a recovered mesh to the scene, its layers (depth, normal, confidence) with it and as an image."""
+    picture(folder / "shape.exr", f"{folder.name} layers")
+    mesh = read_ply(folder / "mesh.ply")
+    item = meshes.add_mesh(scene, folder.name, mesh, None)
+    overlays.add(item, mesh, Shape.open(folder))
+    return item
+
+
+def picture(path: Path, name: str) -> bpy.types.Image:
+    """Open a picture as an image of this file."""
+    image = bpy.data.images.load(str(path))
+    image.name = name
+    return image
+
+
+def show_image(image: bpy.types.Image) -> None:
+    """Show an image in every Image Editor that is open."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                area.spaces.active.image = image
+                area.tag_redraw()
+
+
+def shining(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the scene's lights that renders show."""
+    return [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
+
+
+def reflectance_error(folder: Path) -> float:
+    """Return the relative error of a reflectance on lights held out [%]."""
+    notes = json.loads((folder / reflectance.FILE).read_text(encoding="utf-8"))["notes"]
+    return 100 * float(notes["material_rel_rms"])
 
 
 def assets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
@@ -72,26 +100,21 @@ def assets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [item for item in scene.objects if asset_files.MARK in item]
 
 
-def errors(folder: Path) -> dict[str, float]:
-    """Return the relative RMSE of each kind of pictures in a comparison."""
-    figures = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
-    return {name: one["relight_rel_rmse"] for name, one in figures["comparisons"].items()}
-
-
-def error_maps(folder: Path) -> list[bpy.types.Image]:
-    """Open the error maps of a comparison as images of this file; an Image Editor that is empty shows the first."""
-    maps = []
+def error_maps(folder: Path) -> None:
+    """Open the error maps of a comparison as images of this file."""
     for path in sorted(folder.glob("*_error.png")):
-        maps.append(bpy.data.images.load(str(path)))
-        maps[-1].name = f"{folder.name} {path.stem}"
-        maps[-1].pack()
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.spaces.active.image is None:
-                area.spaces.active.image = maps[0]
-    return maps
+        picture(path, f"{folder.name} {path.stem}").pack()
 
 
 def asset(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
-    """Append the recovered object of an asset, with its material, to the scene; its camera and light stay behind."""
-    return asset_files.append(scene, path)[0]
+    """Append the recovered object of an asset to the scene, its material marked as one that the asset browser shows.
+
+    Its camera and light stay behind.
+    """
+    item = asset_files.append(scene, path)[0]
+    for slot in item.material_slots:
+        if slot.material is not None:
+            slot.material.asset_mark()
+            slot.material.asset_data.description = "Recovered by Lightsphere"
+            slot.material.asset_data.tags.new("Lightsphere", skip_if_exists=True)
+    return item

@@ -1,33 +1,46 @@
-"""What runs behind the buttons: one stage at a time, in a worker process, on a saved copy of the file."""
+"""The stages as the add-on sees them: what each lacks to run, the words of its command, what its result brings."""
 
 from __future__ import annotations
 
-import json
-import time
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.compare import CompareSettings
-from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.inverse import InverseSettings
 from ..pipeline.core.material import MaterialSettings
 from ..pipeline.core.photographs.settings import ImportSettings
+from ..pipeline.core.reflectance import ReflectanceSettings
+from ..pipeline.core.relight import RelightSettings
 from ..pipeline.core.shape.settings import ShapeSettings
-from . import preferences, properties, results, settings, worker
-from .task import Task
+from . import comparison, groups, results, settings
 
-COMMAND = "command.json"  # in a result's folder: the words that make it, so that it can be continued
 SCENE_COPY = "scene.blend"
-
-running: Run | None = None
 
 
 class Stage:
-    """A stage as the add-on sees it: what it lacks to run, the words of its command, what its result brings."""
+    """A stage.
+
+    Attributes
+    ----------
+    name : str
+    doing : str
+        What is told while it runs.
+    settings : type
+        Its settings dataclass.
+    opens : str
+        The scene's property that names what it opens.
+    varied : tuple of str
+        Settings that presets choose by trials; empty where the stage makes none.
+    """
 
     name: str
     doing: str
+    settings: type[Any]
+    opens = ""
+    varied: tuple[str, ...] = ()
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         """Return why the stage cannot run, empty when it can."""
@@ -41,28 +54,37 @@ class Stage:
         """Put the result into the scene; return what to tell the artist."""
         raise NotImplementedError
 
+    def chosen(self, scene: bpy.types.Scene) -> Any:
+        """Return the settings that the scene shows."""
+        return settings.absolute(settings.values(getattr(scene.lightsphere, self.name), self.settings))
+
+    def options(self, scene: bpy.types.Scene) -> list[str]:
+        """Return the settings as words of the command."""
+        return settings.options(self.chosen(scene))
+
+    def opened(self, scene: bpy.types.Scene) -> str:
+        """Return the path of what the stage opens, or the scene's name."""
+        return str(given(scene, self.opens)) if self.opens else scene.name
+
 
 class Capture(Stage):
     """Render the scene under one light at a time."""
 
     name = "capture"
     doing = "Capturing"
+    settings = CaptureSettings
+    varied = ("samples",)
 
     def lacks(self, scene: bpy.types.Scene) -> str:
-        if properties.of(scene).capture.rig == results.OWN_RIG and not results.rigs(scene):
+        if scene.lightsphere.capture.rig == results.OWN_RIG and not results.rigs(scene):
             return "The scene has no rig: add one"
         return lacks_rig(scene)
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        chosen = settings.values(properties.of(scene).capture, CaptureSettings)
-        copy = folder / SCENE_COPY
-        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, check_existing=False)
-        return ["capture", str(copy), "-o", str(folder), *settings.options(chosen)]
+        return ["capture", saved_copy(folder), "-o", str(folder), *self.options(scene)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        properties.of(scene).capture_folder = shown(folder)
-        pictures = results.pictures(folder)
-        return f"{pictures} pictures in {folder}"
+        return bring_pictures(scene, folder)
 
 
 class Import(Stage):
@@ -70,22 +92,19 @@ class Import(Stage):
 
     name = "import_photographs"
     doing = "Importing"
+    settings = ImportSettings
+    opens = "photographs"
 
     def lacks(self, scene: bpy.types.Scene) -> str:
-        path = properties.of(scene).photographs
-        if not path:
+        if not scene.lightsphere.photographs:
             return "No photographs are chosen yet"
-        return "" if absolute(path).exists() else "No photographs are there"
+        return "" if given(scene, "photographs").exists() else "No photographs are there"
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        chosen = settings.values(properties.of(scene).import_photographs, ImportSettings)
-        path = absolute(properties.of(scene).photographs)
-        return ["import", str(path), "-o", str(folder), *settings.options(settings.absolute(chosen))]
+        return ["import", str(given(scene, "photographs")), "-o", str(folder), *self.options(scene)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        properties.of(scene).capture_folder = shown(folder)
-        pictures = results.pictures(folder)
-        return f"{pictures} pictures in {folder}"
+        return bring_pictures(scene, folder)
 
 
 class Shape(Stage):
@@ -93,18 +112,43 @@ class Shape(Stage):
 
     name = "shape"
     doing = "Recovering the shape"
+    settings = ShapeSettings
+    opens = "capture_folder"
+    varied = ("pictures",)
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         return lacks_capture(scene)
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        chosen = settings.values(properties.of(scene).shape, ShapeSettings)
-        capture = absolute(properties.of(scene).capture_folder)
-        return ["shape", str(capture), "-o", str(folder), *settings.options(chosen)]
+        shown = scene.lightsphere
+        scan = ["--mesh", str(given(scene, "scan")), f"--mesh-unit={shown.scan_unit}"] if shown.scan else []
+        return ["shape", str(given(scene, "capture_folder")), "-o", str(folder), *scan, *self.options(scene)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        properties.of(scene).shape_folder = shown(folder)
+        shown = scene.lightsphere
+        shown.shape_folder = kept_as(folder)
+        shown.reflectance_folder = kept_as(folder / "reflectance") if (folder / "reflectance").is_dir() else ""
         return f"The mesh {results.mesh(scene, folder).name!r} is in the scene"
+
+
+class Reflectance(Stage):
+    """Fit what the recovered shape reflects."""
+
+    name = "reflectance"
+    doing = "Fitting the reflectance"
+    settings = ReflectanceSettings
+    opens = "shape_folder"
+    varied = ("model", "bases", "clusters")
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        return lacks_shape(scene)
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        return ["reflectance", str(given(scene, "shape_folder")), "-o", str(folder), *self.options(scene)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        scene.lightsphere.reflectance_folder = kept_as(folder)
+        return f"The reflectance explains lights held out but for {results.reflectance_error(folder):.2g} %"
 
 
 class Material(Stage):
@@ -112,20 +156,68 @@ class Material(Stage):
 
     name = "material"
     doing = "Fitting the material"
+    settings = MaterialSettings
+    opens = "reflectance_folder"
 
     def lacks(self, scene: bpy.types.Scene) -> str:
-        folder = properties.of(scene).shape_folder
-        if not folder:
-            return "No shape is chosen yet"
-        return "" if (absolute(folder) / "shape.json").is_file() else "No recovered shape is there"
+        return lacks_shape(scene)
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        chosen = settings.values(properties.of(scene).material, MaterialSettings)
-        shape = absolute(properties.of(scene).shape_folder)
-        return ["material", str(shape), "-o", str(folder / results.ASSET), *settings.options(chosen)]
+        source = "reflectance_folder" if scene.lightsphere.reflectance_folder else "shape_folder"
+        return ["material", str(given(scene, source)), "-o", str(folder / results.ASSET), *self.options(scene)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        return f"The asset {results.asset(scene, folder / results.ASSET).name!r} is in the scene"
+        made = results.asset(scene, folder / results.ASSET)
+        return f"The asset {made.name!r} is in the scene, its material among the assets of this file"
+
+
+class Relight(Stage):
+    """Make the captured picture anew under the scene's lights."""
+
+    name = "relight"
+    doing = "Relighting"
+    settings = RelightSettings
+    opens = "shape_folder"
+    varied = ("pictures", "interpolation")
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        lacking = "" if results.shining(scene) else "The scene has no light: add one"
+        return lacks_shape(scene) or lacking
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        shape = str(given(scene, "shape_folder"))
+        return ["relight", shape, "-o", str(folder), "--scene", saved_copy(folder), *self.options(scene)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        image = results.picture(folder / "relit.exr", folder.name)
+        results.show_image(image)
+        return f"The picture {image.name!r} is among the images"
+
+
+class Inverse(Stage):
+    """Recover what every group of surfaces reflects from one photograph of the scene."""
+
+    name = "inverse"
+    doing = "Recovering reflectances"
+    settings = InverseSettings
+    opens = "photograph"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        if not scene.lightsphere.photograph:
+            return "No photograph is chosen yet"
+        if not given(scene, "photograph").is_file():
+            return "No photograph is there"
+        return "" if scene.camera else "The scene has no camera"
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        figures = ["--json", str(folder / groups.FIGURES)]
+        picture = str(given(scene, "photograph"))
+        return ["inverse", saved_copy(folder), picture, "-o", str(folder), *figures, *self.options(scene)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        error = groups.bring(scene, folder)
+        results.show_image(results.picture(folder / "rerendered.exr", f"{folder.name} rendered"))
+        return f"{len(scene.lightsphere.groups)} groups; the picture is rendered but for {100 * error:.2g} %"
 
 
 class Compare(Stage):
@@ -133,91 +225,31 @@ class Compare(Stage):
 
     name = "compare"
     doing = "Comparing"
+    settings = CompareSettings
+    opens = "capture_folder"
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         lacking = "" if results.assets(scene) else "The scene has no asset: make one"
         return lacks_capture(scene) or lacking
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
-        chosen = settings.values(properties.of(scene).compare, CompareSettings)
-        copy = folder / SCENE_COPY
-        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, check_existing=False)
-        capture = absolute(properties.of(scene).capture_folder)
-        figures = ["--json", str(folder / results.FIGURES)]
-        return ["compare", str(copy), str(capture), "-o", str(folder), *figures, *settings.options(chosen)]
+        capture = str(given(scene, "capture_folder"))
+        figures = ["--json", str(folder / comparison.FIGURES)]
+        return ["compare", saved_copy(folder), capture, "-o", str(folder), *figures, *self.options(scene)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
         results.error_maps(folder)
-        found = results.errors(folder).items()
+        scene.lightsphere.comparison_folder = kept_as(folder)
+        comparison.show(scene)
+        found = comparison.errors(folder).items()
         words = ", ".join(f"{name.replace('_', ' ')} {100 * error:.2g} %" for name, error in found)
-        return f"Relative RMSE: {words}. Error maps are among the images, a page is in {folder}"
+        return f"Relative RMSE: {words}. Pictures are in the Image Editor, a page is in {folder}"
 
 
-STAGES: dict[str, Stage] = {stage.name: stage for stage in (Capture(), Import(), Shape(), Material(), Compare())}
-
-
-class Run:
-    """One run of a stage, driven by timer events or by waiting."""
-
-    def __init__(self, stage: Stage, scene: bpy.types.Scene, folder: Path | None = None) -> None:
-        """Start the stage; a folder is that of a stopped run, which is continued."""
-        global running
-        self.stage, self.scene_name = stage, scene.name
-        if folder is None:
-            self.folder = new_folder(stage.name)
-            words = stage.words(scene, self.folder)
-            (self.folder / COMMAND).write_text(json.dumps(words), encoding="utf-8")
-        else:
-            self.folder = folder
-            words = json.loads((folder / COMMAND).read_text(encoding="utf-8"))
-        self.task = Task(*worker.command_line(words), worker.first_words(words))
-        running = self
-
-    def event(self, kind: str) -> str:
-        """Take a window event; return ``"running"``, ``"stopped"`` or ``"ended"``."""
-        global running
-        if kind == "ESC":
-            self.task.stop()
-        if self.task.poll():
-            return "running"
-        running = None
-        return "stopped" if self.task.stopped else "ended"
-
-    def wait(self) -> None:
-        """Wait for the end; an interrupt stops the worker and goes on to the caller."""
-        try:
-            while self.event("TIMER") == "running":
-                time.sleep(0.05)
-        except BaseException:
-            self.stop()
-            raise
-
-    def stop(self) -> None:
-        """Stop the worker and wait for its end; finished pictures are kept."""
-        while self.event("TIMER" if self.task.stopped else "ESC") == "running":
-            time.sleep(0.05)
-
-    def bring(self) -> str:
-        """Put the ended run's result into its scene; raise LightsphereError when the worker failed."""
-        if self.task.error:
-            raise LightsphereError(self.task.error)
-        scene = bpy.data.scenes.get(self.scene_name)
-        if scene is None:
-            raise LightsphereError(f"the scene {self.scene_name!r} is gone; the result is in {self.folder}")
-        return self.stage.bring(scene, self.folder)
-
-
-def stop() -> None:
-    """Stop whatever runs."""
-    if running is not None:
-        running.stop()
-
-
-def lacks(name: str, scene: bpy.types.Scene) -> str:
-    """Return why a stage cannot start now, empty when it can."""
-    if running is not None:
-        return f"{running.stage.doing}: Esc stops it"
-    return STAGES[name].lacks(scene)
+STAGES: dict[str, Stage] = {
+    stage.name: stage
+    for stage in (Capture(), Import(), Shape(), Reflectance(), Material(), Relight(), Inverse(), Compare())
+}
 
 
 def lacks_rig(scene: bpy.types.Scene) -> str:
@@ -231,52 +263,37 @@ def lacks_rig(scene: bpy.types.Scene) -> str:
 
 def lacks_capture(scene: bpy.types.Scene) -> str:
     """Return why a scene's capture cannot be opened, empty when it can."""
-    folder = properties.of(scene).capture_folder
-    if not folder:
+    if not scene.lightsphere.capture_folder:
         return "No capture is chosen yet"
-    return "" if results.finished(absolute(folder)) else "No finished capture is there"
+    return "" if results.finished(given(scene, "capture_folder")) else "No finished capture is there"
 
 
-def absolute(folder: str) -> Path:
-    """Return a folder of the artist's as an absolute path."""
-    return Path(bpy.path.abspath(folder))
+def lacks_shape(scene: bpy.types.Scene) -> str:
+    """Return why a scene's shape cannot be opened, empty when it can."""
+    if not scene.lightsphere.shape_folder:
+        return "No shape is chosen yet"
+    return "" if (given(scene, "shape_folder") / "shape.json").is_file() else "No recovered shape is there"
 
 
-def shown(folder: Path) -> str:
+def bring_pictures(scene: bpy.types.Scene, folder: Path) -> str:
+    """Let the next stage open a capture, and show its pictures as a sequence."""
+    scene.lightsphere.capture_folder = kept_as(folder)
+    scene.lightsphere.shape_folder = scene.lightsphere.reflectance_folder = ""
+    return f"{results.pictures(folder)} pictures in {folder}, as an image of a frame for every light"
+
+
+def given(scene: bpy.types.Scene, name: str) -> Path:
+    """Return a path that the scene names, absolute."""
+    return Path(bpy.path.abspath(getattr(scene.lightsphere, name)))
+
+
+def kept_as(folder: Path) -> str:
     """Return a result's folder as the scene keeps it: relative to a saved file, so that both can move together."""
     return bpy.path.relpath(str(folder)) if bpy.data.filepath else str(folder)
 
 
-def results_folder() -> Path:
-    """Return where results go: beside the saved file, else where the preferences say."""
-    if bpy.data.filepath:
-        return Path(bpy.data.filepath).with_suffix(".lightsphere")
-    return Path(preferences.results()) if preferences.results() else worker.user_folder("results")
-
-
-def new_folder(name: str) -> Path:
-    """Make the next free numbered folder for a stage's result: nothing is overwritten."""
-    number = 1
-    while True:
-        folder = results_folder() / f"{name}_{number:03d}"
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            number += 1
-        else:
-            return folder
-
-
-def stopped_capture() -> Path | None:
-    """Return the folder of the newest capture here when it was stopped before its end."""
-    folders = sorted(results_folder().glob("capture_*"))
-    if folders and (folders[-1] / COMMAND).is_file() and not results.finished(folders[-1]):
-        return folders[-1]
-    return None
-
-
-def told(task: Task) -> tuple[float, str]:
-    """Return the share of the work that is done and the words for it."""
-    share = task.done / task.total if task.total else 0.0
-    count = f" {task.done:g} of {task.total:g} {task.unit}" if task.total else ""
-    return share, f"{task.stage}{count}"
+def saved_copy(folder: Path) -> str:
+    """Save a copy of the file as it is now into a folder, for a worker to open; return its path."""
+    path = str(folder / SCENE_COPY)
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True, check_existing=False)
+    return path

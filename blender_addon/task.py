@@ -23,18 +23,24 @@ class Task:
     ----------
     stage, done, total, unit
         The last step that it told.
+    rate : float
+        How much of the step's unit is done a second, 0 where nothing is known yet.
     error : str
         Its last line on standard error, once it has ended with another status than 0.
     stopped : float
         When it was asked to stop [s], 0 when it was not.
+    log : list of str
+        What it said on standard error.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str], first_words: str) -> None:
         """Start the command; the first words stand for its stage until it tells one."""
         self.stage, self.done, self.total, self.unit = first_words, 0.0, 0.0, ""
+        self.rate = 0.0
         self.error = ""
         self.stopped = 0.0
-        self._log: list[str] = []
+        self._since = (0.0, 0.0)  # when the step at hand was first told of, and how much was done then
+        self.log: list[str] = []
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._process = subprocess.Popen(
             command,
@@ -48,7 +54,7 @@ class Task:
         )
         self._readers = [
             threading.Thread(target=self._collect, args=(self._process.stdout, self._lines.put), daemon=True),
-            threading.Thread(target=self._collect, args=(self._process.stderr, self._log.append), daemon=True),
+            threading.Thread(target=self._collect, args=(self._process.stderr, self.log.append), daemon=True),
         ]
         for reader in self._readers:
             reader.start()
@@ -64,14 +70,19 @@ class Task:
         while not self._lines.empty():
             self._take(self._lines.get())
         if status:
-            told = [line for line in self._log if line.strip()]
+            told = [line for line in self.log if line.strip()]
             self.error = told[-1].removeprefix("lightsphere: ") if told else f"the worker ended with status {status}"
         return status is None
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time that the step at hand still takes at the rate so far [s], None where nothing is known yet."""
+        return (self.total - self.done) / self.rate if self.rate else None
 
     def stop(self) -> None:
         """Ask the worker to stop as Ctrl-C does, so that what is finished is kept; it goes on for a moment."""
         self.stopped = time.monotonic()
-        self.stage, self.total = "stopping", 0.0
+        self.stage, self.total, self.rate = "stopping", 0.0, 0.0
         if self._process.poll() is not None:
             return
         if POSIX:
@@ -82,7 +93,11 @@ class Task:
     def _take(self, line: str) -> None:
         if self.stopped or not line.startswith('{"stage"'):  # Cycles and Blender talk on the same stream
             return
-        step = json.loads(line)
+        step, now = json.loads(line), time.monotonic()
+        if step["stage"] != self.stage or step["done"] < self.done:
+            self._since = (now, step["done"])
+        start, before = self._since
+        self.rate = (step["done"] - before) / (now - start) if now > start else 0.0
         self.stage, self.done, self.total, self.unit = (step[name] for name in ("stage", "done", "total", "unit"))
 
     @staticmethod

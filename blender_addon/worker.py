@@ -5,14 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-
-import bpy
 
 from ..pipeline.blender import workers
+from .preferences import user_folder
 
-PACKAGE = __package__.removesuffix(".blender_addon")
-WITHOUT_BLENDER = ("shape",)  # stages that the solvers alone do
+WITHOUT_BLENDER = ("shape", "reflectance", "relight-worker")  # stages that the solvers alone do
 
 
 def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -22,7 +19,7 @@ def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     clashes with the library inside a Blender executable. Compiled kernels go where extensions may write.
     """
     command, environment = workers.command_line(*words)
-    if words[0] in WITHOUT_BLENDER:
+    if not needs_blender(words):
         command = [sys.executable, "-m", "pipeline", *words]
         environment["PYTHONPATH"] = os.pathsep.join([str(workers.ROOT), *filter(None, sys.path)])
     environment.setdefault("NUMBA_CACHE_DIR", str(user_folder("kernels")))
@@ -31,10 +28,10 @@ def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
 
 def first_words(words: Sequence[str]) -> str:
     """Return what to show until a worker tells how far it is: its first run compiles kernels for a minute or two."""
-    compiled = words[0] not in WITHOUT_BLENDER or any(user_folder("kernels").rglob("*.nbi"))
+    compiled = needs_blender(words) or any(user_folder("kernels").rglob("*.nbi"))
     return "starting" if compiled else "compiling the solvers, once"
 
 
-def user_folder(name: str) -> Path:
-    """Return a folder of this extension that Blender lets it write to, made if need be."""
-    return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=True))
+def needs_blender(words: Sequence[str]) -> bool:
+    """Return whether a command needs Blender in its process."""
+    return words[0] not in WITHOUT_BLENDER or "--mesh" in words

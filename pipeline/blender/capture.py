@@ -96,12 +96,16 @@ def capture(
 
 
 def foresee(scene: bpy.types.Scene, source: str, settings: CaptureSettings, goal: Goal) -> Work[Promise]:
-    """Return what a capture is expected to cost and give, by trials that leave nothing behind."""
+    """Return what a capture is expected to cost, its plan included, and give, by trials that leave nothing behind."""
     settings = _aimed(settings, goal)
     with tempfile.TemporaryDirectory() as folder:
         started = describe(scene, source, Path(folder), settings)
+        start = time.perf_counter()
         planned, _, form, missing = yield from _planned(scene, started, settings)
-        return (yield from _promised(scene, planned, form, goal, missing, settings.workers))
+        planning = time.perf_counter() - start
+        found = yield from _promised(scene, planned, form, goal, missing, settings.workers)
+        trials = [dataclasses.replace(trial, seconds=trial.seconds + planning) for trial in found.trials]
+        return dataclasses.replace(found, trials=trials)
 
 
 def describe(scene: bpy.types.Scene, source: str, folder: Path, settings: CaptureSettings) -> Capture:

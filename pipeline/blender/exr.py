@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import images
 from ..core.errors import LightsphereError
 from ..core.images import check_size
 
@@ -24,6 +25,12 @@ HEADER_SIZE = 4096
 MULTIPART = 0x1000
 ZIP_ROWS = 16  # rows that ZIP compresses together
 NO_DATE = "2000:01:01 00:00:00"
+
+
+def replace_library() -> None:
+    """Let the core read and write pictures by this module where this process is a Blender executable."""
+    if bpy.app.binary_path:
+        images.use_library(read, write)
 
 
 def read(path: Path) -> dict[str, NDArray[np.float32]]:

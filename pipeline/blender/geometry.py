@@ -64,7 +64,18 @@ def hide_object(scene: bpy.types.Scene) -> None:
 
 
 def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]) -> None:
-    """Raise LightsphereError naming the first light that stands inside the object or on its surface.
+    """Raise LightsphereError naming the first light that stands inside the object or on its surface."""
+    wrong = inside_or_on(positions, triangles)
+    if len(wrong):
+        x, y, z = positions[wrong[0]]
+        raise LightsphereError(
+            f"light {wrong[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object or on its surface, as "
+            f"{len(wrong)} of {len(positions)} lights are; enlarge the rig or move them"
+        )
+
+
+def inside_or_on(positions: NDArray[np.float64], triangles: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the numbers of the lights (N, 3) that stand inside the object (T, 3, 3) or on its surface.
 
     Only lights inside the object's bounding box can, so that the costly test is rare.
     """
@@ -72,13 +83,7 @@ def check_outside(positions: NDArray[np.float64], triangles: NDArray[np.float64]
     touching = TOUCHING * (high - low).max()
     near = np.flatnonzero(((positions >= low - touching) & (positions <= high + touching)).all(axis=1))
     inside = abs(winding_number(positions[near], triangles)) > 0.5
-    wrong = near[inside | (distance_to(positions[near], triangles) <= touching)]
-    if len(wrong):
-        x, y, z = positions[wrong[0]]
-        raise LightsphereError(
-            f"light {wrong[0]} at ({x:.3g}, {y:.3g}, {z:.3g}) m is inside the object or on its surface, as "
-            f"{len(wrong)} of {len(positions)} lights are; enlarge the rig or move them"
-        )
+    return near[inside | (distance_to(positions[near], triangles) <= touching)]
 
 
 def corners(mesh: bpy.types.Mesh, matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -66,6 +66,19 @@ def byte_image(name: str, values: NDArray[Any], colour: bool) -> bpy.types.Image
     return image
 
 
+def screen_image(name: str, values: NDArray[np.float64]) -> bpy.types.Image:
+    """Make or renew an image that shows what a screen does, values from 0 to 1 (H, W, 3), rows top-down."""
+    height, width = values.shape[:2]
+    image = bpy.data.images.get(name) or bpy.data.images.new(name, width, height)
+    if tuple(image.size) != (width, height):
+        image.scale(width, height)
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = values
+    image.pixels.foreach_set(rgba[::-1].ravel())
+    image.update()
+    return image
+
+
 def unpack(folder: Path) -> None:
     """Write this file's packed float images into a folder, as OpenEXR of full precision, and read them from there."""
     for image in [image for image in bpy.data.images if image.packed_file and image.is_float]:

@@ -18,6 +18,7 @@ from ..core.errors import LightsphereError
 from ..core.workers import Died, Worker, next_answer
 
 ROOT = Path(__file__).resolve().parents[2]
+EXTENSION = __package__.removesuffix(".pipeline.blender")
 
 
 def command_line(*words: str) -> tuple[list[str], dict[str, str]]:
@@ -27,7 +28,8 @@ def command_line(*words: str) -> tuple[list[str], dict[str, str]]:
     """
     environment = dict(os.environ)
     if bpy.app.binary_path:
-        return [bpy.app.binary_path, "--background", "--command", "lightsphere", *words], environment
+        enabled = ["--addons", EXTENSION]  # preferences that say so may not be saved yet
+        return [bpy.app.binary_path, "--background", *enabled, "--command", "lightsphere", *words], environment
     blender = bpy.utils.resource_path("LOCAL")  # the module puts its own folders on the path, in its own order
     paths = [path for path in sys.path if path and not path.startswith(blender)]
     environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), *paths])

@@ -40,7 +40,8 @@ def capture(
     with Figures("capture", json) as figures:
         figures.values["device"] = render_on(device)
         if dry_run:
-            figures.foreseen(run_with_bar(blender.foresee(scenes.load(scene), scene, settings, goal)))
+            promise = run_with_bar(blender.foresee(scenes.load(scene), scene, settings, goal))
+            figures.foreseen(promise, settings.error)
             return
         made = run_with_bar(blender.capture(scenes.load(scene), scene, output, settings, goal if goal else None))
         figures.values["pictures"] = len(made)

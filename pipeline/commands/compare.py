@@ -22,6 +22,7 @@ from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 PAGE = "comparison.html"
+PICTURES = "pictures"
 
 
 @settings_options(CompareSettings)
@@ -51,7 +52,8 @@ def compare(
     Cycles renders the asset under some of the captured lights, beside the captured pictures. Where the captured scene
     is at hand, it is rendered, too, under lights that the capture did not have, direct and with global illumination,
     and from a view that it did not have, with the asset in place of the object. The options on lights, view and bounces
-    are of this alone. Every kind of picture gets its relative RMSE, FLIP, SSIM and an error map; a page shows them.
+    are of this alone. Every kind of picture gets its relative RMSE, FLIP, SSIM and an error map; a page shows them,
+    and the pictures themselves are in the folder pictures.
     """
     with Figures("compare", json) as figures:
         if first.suffix == ".blend" and (second / CAPTURE_FILE).is_file():
@@ -92,8 +94,12 @@ def asset_with_capture(
     found = run_with_bar(blender.compare(path, capture, true, settings))
     values = [figures_of(one) for one in found]
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / PICTURES).mkdir(exist_ok=True)
     for one in found:
         images.write_bytes(folder / f"{one.name}_error.png", heat_map(one))
+        for light, (picture, reference) in enumerate(zip(one.pictures, one.references, strict=True)):
+            images.write_rgb(folder / PICTURES / f"{one.name}_{light:04d}.exr", picture)
+            images.write_rgb(folder / PICTURES / f"{one.name}_{light:04d}_reference.exr", reference)
     page = report(path.stem, capture.folder.resolve().name, found, values, true is not None)
     images.write_text(folder / PAGE, page)
     names = [one.name for one in found]

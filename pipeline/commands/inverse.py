@@ -81,6 +81,7 @@ def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
         seen = found.seen[number]
         described[group.name] = {
             **found.models[number].as_json(),
+            "material": room.materials[number].name,
             "deviation": found.deviations[number],
             "seen": seen,
             "pixels": found.pixels[number],

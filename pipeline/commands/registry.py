@@ -13,8 +13,9 @@ from .import_ import import_photographs
 from .inverse import inverse
 from .material import material
 from .plan import plan
+from .profile import profile
 from .reflectance import reflectance
-from .relight import relight
+from .relight import relight, relight_worker
 from .scenes import scenes
 from .shape import shape
 from .tradeoff import tradeoff
@@ -29,10 +30,12 @@ def add_commands(app: typer.Typer) -> None:
     app.command("capture-worker", hidden=True)(capture_worker)
     app.command("import")(import_photographs)
     app.command()(shape)
+    app.command()(profile)
     app.command()(reflectance)
     app.command()(material)
     app.command("export-worker", hidden=True)(export_worker)
     app.command()(relight)
+    app.command("relight-worker", hidden=True)(relight_worker)
     app.command()(inverse)
     app.command()(compare)
     app.command()(tradeoff)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 from ..core import images, light_file
 from ..core.capture import Capture
 from ..core.errors import LightsphereError
-from ..core.relight import RelightSettings, emitters, environment
+from ..core.progress import finish
+from ..core.relight import RelightSettings, emitters, environment, messages
 from ..core.relight.emitters import Emitter
 from ..core.relight.film import moving_light
 from ..core.relight.render import check_outside, prepare, relit
@@ -108,6 +110,28 @@ def relight(
         figures.summary = f"{count} pictures in {output}" + (f", film.mp4 of {FRAMES} of them" if film else "")
         if goal:
             figures.obtained(held_out_errors(prepared, capture, unseen))
+
+
+def relight_worker(
+    folder: Annotated[Path, typer.Argument(help="folder of a shape, which names its capture")],
+    output: Annotated[Path, typer.Argument(help="the picture, an EXR, written anew for every line")],
+) -> None:
+    """Make a picture for every line of emitters on standard input; answer each when it is written."""
+    try:
+        capture, shape = opened(folder, False)
+        prepared = finish(prepare(capture, shape, RelightSettings()))
+    except LightsphereError as error:
+        print("error", error, flush=True)
+        return
+    print("ready", flush=True)
+    for line in sys.stdin:
+        try:
+            shining = messages.of_line(line)
+            check_outside(shape, shining)
+            images.write_rgb(output, finish(relit(prepared, shining)))
+            print("picture", output, flush=True)
+        except LightsphereError as error:
+            print("error", error, flush=True)
 
 
 def promised(shape: Shape, capture: Capture, settings: RelightSettings, made: int, goal: Goal) -> Promise:

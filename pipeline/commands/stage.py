@@ -26,6 +26,7 @@ from ..core.progress import Progress, Work, finish
 from ..core.settings import check, limits_of
 from ..core.tradeoff import Trial, as_row, dominated
 from ..core.tradeoff.goal import Promise, percent, told
+from ..core.tradeoff.presets import presets
 
 Budget = Annotated[
     float | None,
@@ -213,16 +214,26 @@ class Figures:
             self.values["promise"] = kept = self.promise.kept(errors)
             self.summary += f"; {told(kept)}"
 
-    def foreseen(self, promise: Promise) -> None:
-        """State what settings are expected to cost and give, and which are chosen: all that a dry run does."""
+    def foreseen(self, promise: Promise, asked: float | None = None) -> None:
+        """State what settings are expected to cost and give, and which are chosen: all that a dry run does.
+
+        An error that the settings ask for [%] is that of the preset Standard.
+        """
         name = promise.expected.error
         beaten = dominated(promise.trials)
         columns = {f"{name} [%]": percent, "recovered [%]": attrgetter("recovered_pct")}
         print_trials(promise.trials, beaten, columns)
         rows = [as_row(trial, better) for trial, better in zip(promise.trials, beaten, strict=True)]
-        self.values |= {"trials": rows, "chosen": promise.expected.label, "lacks": promise.lacks}
+        named = presets(promise.trials, asked)
+        self.values |= {
+            "trials": rows,
+            "presets": named,
+            "chosen": promise.expected.label,
+            "lacks": promise.lacks,
+        }
+        words = ", ".join(f"{preset} {one['label']}" for preset, one in named.items())
         wanted = promise.expected.label if promise.goal else "nothing chosen: give --budget or --target"
-        self.summary = f"dry run; {wanted}" + (f"; {promise.lacks}" if promise.lacks else "")
+        self.summary = f"dry run; {words}; {wanted}" + (f"; {promise.lacks}" if promise.lacks else "")
 
     def __enter__(self) -> Figures:
         return self

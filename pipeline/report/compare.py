@@ -13,7 +13,7 @@ from . import figures, html, style
 from .flip import flip
 
 SHOWN = 4  # lights of each kind
-LABEL = "RMS difference over the reference's RMS"
+LABEL = "RMS difference, % of the reference's RMS"
 Figures = dict[str, Any]
 
 
@@ -42,7 +42,7 @@ def looks_of(picture: NDArray[Any], reference: NDArray[Any], mask: NDArray[np.bo
 
 def heat_map(comparison: Comparison) -> bytes:
     """Draw where the pictures of a comparison differ, with its colour scale, as a PNG."""
-    return figures.heat(comparison.error, LABEL)
+    return figures.heat(100 * comparison.error, LABEL)
 
 
 def report(name: str, capture: str, comparisons: Sequence[Comparison], found: Sequence[Figures], true: bool) -> str:
@@ -112,7 +112,7 @@ def _section(c: Comparison) -> str:
         ("The asset.", [style.display(c.pictures[i], exposure) for i in shown]),
         ("Difference.", [style.mapped(np.where(c.mask, e, np.nan), 0.0, high, style.ERROR) for e in errors]),
     )
-    scale = figures.scale_bar(0.0, high, style.ERROR, LABEL)
+    scale = figures.scale_bar(0.0, 100 * high, style.ERROR, LABEL)
     strips = [
         html.row(
             [

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -16,33 +13,35 @@ import pytest
 import typer.main
 
 from pipeline import cli
+from pipeline.blender import pixels
 from pipeline.core.capture import Capture
 from pipeline.core.capture_settings import CaptureSettings
 from pipeline.core.compare import CompareSettings
 from pipeline.core.errors import LightsphereError
+from pipeline.core.inverse import InverseSettings
 from pipeline.core.material import MaterialSettings
 from pipeline.core.photographs.settings import ImportSettings
+from pipeline.core.reflectance import ReflectanceSettings
+from pipeline.core.relight import RelightSettings
 from pipeline.core.settings import limits_of
 from pipeline.core.shape.settings import ShapeSettings
 from tests import photographed
+from tests.addon import MODULE, part
 
 # isort: split
 import addon_utils  # Blender's own, there once bpy is imported
 
-MODULE = "bl_ext.user_default.lightsphere"
 SETTINGS = {
     "capture": CaptureSettings,
     "import_photographs": ImportSettings,
     "shape": ShapeSettings,
+    "reflectance": ReflectanceSettings,
     "material": MaterialSettings,
+    "relight": RelightSettings,
+    "inverse": InverseSettings,
     "compare": CompareSettings,
 }
 COMMAND = {name: name for name in SETTINGS} | {"import_photographs": "import"}  # which Python keeps for itself
-
-
-def part(name: str) -> Any:
-    """Return a module of the add-on as Blender loaded it."""
-    return importlib.import_module(f"{MODULE}.blender_addon.{name}")
 
 
 def registered() -> set[str]:
@@ -63,28 +62,6 @@ def registered() -> set[str]:
         for draw in getattr(getattr(getattr(bpy.types, name), "draw", None), "_draw_funcs", [])
     }
     return kinds | attributes | handlers | operators | menus
-
-
-@pytest.fixture(scope="module")
-def addon() -> Iterator[None]:
-    """Enable the add-on for this file."""
-    assert addon_utils.enable(MODULE) is not None
-    yield
-    addon_utils.disable(MODULE)
-
-
-@pytest.fixture
-def scene(addon: None, tmp_path: Path) -> bpy.types.Scene:
-    """Open a file with a sphere before a camera, saved, and settings for a small capture."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene = bpy.context.scene
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=32, ring_count=16, radius=1.0)
-    bpy.ops.object.camera_add(location=(0, -5, 0), rotation=(1.5707963, 0, 0))
-    scene.camera = bpy.context.object
-    for name, value in {"inner": 40, "outer": 20, "resolution": 24, "effects": "direct", "workers": 1}.items():
-        setattr(scene.lightsphere.capture, name, value)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
-    return scene
 
 
 def test_it_takes_everything_back() -> None:
@@ -127,7 +104,7 @@ def test_what_the_panel_shows_is_what_the_command_gets(addon: None, stage: str) 
             setattr(shown, item.name, item.default + 1)
     settings = part("settings").values(shown, SETTINGS[stage])
     words = part("settings").options(settings)
-    references = ["CAPTURE"] if stage == "compare" else []
+    references = ["SECOND"] if stage in ("compare", "inverse") else []
     arguments = [COMMAND[stage], "IN", *references, "-o", "OUT", *words]
     context = typer.main.get_command(cli.app).make_context("lightsphere", arguments[:1], resilient_parsing=True)
     command = context.command.commands[COMMAND[stage]]
@@ -143,7 +120,7 @@ def test_values_out_of_their_limits_cannot_be_shown(addon: None) -> None:
 
 
 def test_a_button_that_cannot_run_says_why(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    lacks = part("stages").lacks
+    lacks = part("runs").lacks
     assert lacks("capture", scene) == ""
     assert "No capture" in lacks("shape", scene)
     assert "No shape" in lacks("material", scene)
@@ -197,12 +174,16 @@ def test_from_rig_to_asset(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert bpy.ops.lightsphere.material() == {"FINISHED"}
     asset = scene.objects["Recovered"]
     assert asset.data.uv_layers and asset.active_material.node_tree.nodes
+    assert "Lightsphere" in {tag.name for tag in asset.active_material.asset_data.tags}
     assert len([item for item in scene.objects if item.type == "CAMERA"]) == 1
     asset.location.x += 3  # to look at it beside the original
     scene.lightsphere.compare.lights, scene.lightsphere.compare.bounces = 2, 0
+    with pytest.raises(RuntimeError, match="no comparison is there"):
+        bpy.ops.lightsphere.view_comparison()
     assert bpy.ops.lightsphere.compare() == {"FINISHED"}
     maps = [image for image in bpy.data.images if image.name.startswith("compare_001 ")]
     assert len(maps) == 3 and all(image.packed_file and image.size[0] > 100 for image in maps)
+    compared_views(scene)
     found = json.loads((tmp_path / "work.lightsphere" / "compare_001" / "comparison.json").read_text())
     assert found["comparisons"]["new_lights"]["relight_rel_rmse"] < 0.2
     assert bpy.ops.lightsphere.capture() == {"FINISHED"}  # once more: beside the first, not over it
@@ -211,10 +192,27 @@ def test_from_rig_to_asset(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert (tmp_path / "work.blend").read_bytes() == before
 
 
+def compared_views(scene: bpy.types.Scene) -> None:
+    """Look at a comparison of 24x24 pixels split, side by side and apart."""
+    shown, image = scene.lightsphere, bpy.data.images[part("comparison").IMAGE]
+    shown.view_split = 0.0
+    asset = pixels.array(image)
+    shown.view_split = 1.0
+    capture = pixels.array(image)
+    assert asset.shape == capture.shape == (24, 24, 3)
+    assert not np.array_equal(asset, capture)
+    shown.view = "side"
+    assert image.size[0] > 2 * 24
+    shown.view = "difference"
+    assert image.size[1] > 100  # with its scale
+    shown.view_light, shown.view_kind = 2, "new_lights"
+    assert bpy.ops.lightsphere.view_comparison() == {"FINISHED"}
+
+
 def test_photographs_become_a_capture(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    assert "No photographs are chosen" in part("stages").lacks("import_photographs", scene)
+    assert "No photographs are chosen" in part("runs").lacks("import_photographs", scene)
     scene.lightsphere.photographs = "//nowhere"
-    assert "No photographs are there" in part("stages").lacks("import_photographs", scene)
+    assert "No photographs are there" in part("runs").lacks("import_photographs", scene)
     folder = tmp_path / "ball"
     folder.mkdir()
     lights = photographed.directions(4)
@@ -234,10 +232,10 @@ def test_photographs_become_a_capture(scene: bpy.types.Scene, tmp_path: Path) ->
 
 
 def test_escape_keeps_what_is_finished_and_the_button_continues(scene: bpy.types.Scene) -> None:
-    stages = part("stages")
+    runs, stages = part("runs"), part("stages")
     scene.lightsphere.capture.inner, scene.lightsphere.capture.resolution = 200, 100
-    run = stages.Run(stages.STAGES["capture"], scene)
-    assert "Esc" in stages.lacks("shape", scene)
+    run = runs.Run(stages.STAGES["capture"], scene)
+    assert "Esc" in runs.lacks("shape", scene)
     deadline = time.monotonic() + 60
     while not (run.task.stage == "render" and run.task.done >= 3):
         assert run.event("TIMER") == "running" and time.monotonic() < deadline
@@ -246,12 +244,12 @@ def test_escape_keeps_what_is_finished_and_the_button_continues(scene: bpy.types
     while run.event("TIMER") == "running":
         time.sleep(0.01)
     assert run.task.stopped
-    assert stages.running is None
+    assert runs.running is None
     pictures = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in run.folder.glob("light_*.exr")}
     assert 3 <= len(pictures) < 220
-    assert stages.stopped_capture() == run.folder
+    assert runs.stopped_capture() == run.folder
     assert bpy.ops.lightsphere.capture(resume=True) == {"FINISHED"}
-    assert stages.stopped_capture() is None
+    assert runs.stopped_capture() is None
     assert len(list(run.folder.glob("light_*.exr"))) == 220
     assert all(path.read_bytes() == content for path, (_, content) in pictures.items())
     again = [path for path, (written, _) in pictures.items() if path.stat().st_mtime_ns != written]
@@ -262,7 +260,7 @@ def test_the_worker_s_complaint_reaches_the_artist(scene: bpy.types.Scene) -> No
     scene.lightsphere.capture.radius_inner = 0.5
     with pytest.raises(RuntimeError, match="inside"):
         bpy.ops.lightsphere.capture()
-    assert part("stages").running is None
+    assert part("runs").running is None
 
 
 def test_a_damaged_picture_is_named(scene: bpy.types.Scene) -> None:
@@ -274,18 +272,18 @@ def test_a_damaged_picture_is_named(scene: bpy.types.Scene) -> None:
 
 
 def test_closing_the_add_on_stops_the_worker(scene: bpy.types.Scene) -> None:
-    stages = part("stages")
-    run = stages.Run(stages.STAGES["capture"], scene)
+    runs, stages = part("runs"), part("stages")
+    run = runs.Run(stages.STAGES["capture"], scene)
     addon_utils.disable(MODULE)
     assert not run.task.poll() and run.task.stopped
     addon_utils.enable(MODULE)
 
 
 def test_the_words_of_a_run_are_kept_with_its_result(scene: bpy.types.Scene) -> None:
-    stages = part("stages")
-    run = stages.Run(stages.STAGES["capture"], scene)
+    runs, stages = part("runs"), part("stages")
+    run = runs.Run(stages.STAGES["capture"], scene)
     run.stop()
-    words = json.loads((run.folder / stages.COMMAND).read_text())
+    words = json.loads((run.folder / runs.COMMAND).read_text())
     assert words[0] == "capture" and "--inner=40" in words
     with pytest.raises(LightsphereError.__mro__[1]):
         run.bring()

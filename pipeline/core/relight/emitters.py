@@ -56,6 +56,11 @@ def cosine(directions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(directions[:, 2], 0.0)
 
 
+def across(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the profile of an element of a thin Lambertian tube along z, sin."""
+    return np.sqrt(np.maximum(1.0 - directions[:, 2] ** 2, 0.0))
+
+
 @dataclass(frozen=True)
 class SpotProfile:
     """The cone of Blender's spot lights.
@@ -159,11 +164,7 @@ def line(
     """
     share = (np.arange(count) + 0.5) / count
     frame = axes_along((end - start) / np.linalg.norm(end - start))
-    return [Emitter(start + s * (end - start), intensity / count, to_world=frame, profile=_across) for s in share]
-
-
-def _across(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.sqrt(np.maximum(1.0 - directions[:, 2] ** 2, 0.0))
+    return [Emitter(start + s * (end - start), intensity / count, to_world=frame, profile=across) for s in share]
 
 
 def axes_along(axis: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from .coarse_to_fine import Solution, Views, neighbours_at, solve
 from .integration import PAIR_ERROR, integrate
 from .joint import GLOSSY, NONE
 from .lobe import DEPTH, DIFFUSE, LOG_ALPHA, NX
-from .observations import noise_of, observe
+from .observations import Observations, noise_of, observe
 from .settings import ShapeSettings
 from .tangents import disagreement
 
@@ -51,19 +51,11 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     LightsphereError
         When the lights cannot fix depths (no two surfaces, coincident or coplanar lights), or a picture is damaged.
     """
-    check_lights(capture)
     mask = capture.mask()
     if not mask.any():
         raise LightsphereError(f"{capture.folder}: no pixel shows the object; aim the camera at it and capture again")
-    observations = yield from observe(capture, mask, settings.memory)
+    views, observations = yield from views_of(capture, mask, settings)
     left_out = {"saturated_values": int(observations.clipped.sum()), "broken_values": int(observations.bad.sum())}
-    origins, directions = capture.camera.rays()
-    rays = np.ascontiguousarray(np.concatenate([origins[mask], directions[mask]], axis=1))
-    near, far = depth_limits(rays, capture.lights.position[capture.lights.on("inner")])
-    views = Views(
-        mask, rays, near, far, observations.values, capture.lights.position,
-        noise_of(observations), observations.bounced,
-    )  # fmt: skip
     if settings.objective == "source":
         inner, outer = capture.lights.on("inner"), capture.lights.on("outer")
         found = yield from source.solve(views, inner, outer, settings.candidates, settings.min_lit)
@@ -72,6 +64,22 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     yield from compare(views, capture.lights.surface, solution)
     depth, deviation = settle(views, solution, capture.camera, settings.fuse)
     return dataclasses.replace(as_shape(capture, mask, solution, depth, deviation), notes=left_out)
+
+
+def views_of(
+    capture: Capture, mask: NDArray[np.bool_], settings: ShapeSettings
+) -> Work[tuple[Views, Observations]]:
+    """Read what is given for the pixels of a mask (H, W); raises what :func:`recover` does."""
+    check_lights(capture)
+    observations = yield from observe(capture, mask, settings.memory)
+    origins, directions = capture.camera.rays()
+    rays = np.ascontiguousarray(np.concatenate([origins[mask], directions[mask]], axis=1))
+    near, far = depth_limits(rays, capture.lights.position[capture.lights.on("inner")])
+    views = Views(
+        mask, rays, near, far, observations.values, capture.lights.position,
+        noise_of(observations), observations.bounced,
+    )  # fmt: skip
+    return views, observations
 
 
 def check_lights(capture: Capture) -> None:

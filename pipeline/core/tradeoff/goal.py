@@ -102,11 +102,10 @@ def choose(trials: Sequence[Trial], goal: Goal) -> Promise:
         What the stage is expected to cost and give; not empty.
     goal : Goal
     """
-    most = max(trial.recovered_pct for trial in trials)
-    complete = [trial for trial in trials if trial.recovered_pct >= COMPLETE * most]
-    quickest = min(complete, key=lambda trial: trial.seconds)
+    serving = complete(trials)
+    quickest = min(serving, key=lambda trial: trial.seconds)
     spent, lacks = goal.spent, ""
-    timely = [trial for trial in complete if goal.budget is None or spent + trial.seconds <= goal.budget]
+    timely = [trial for trial in serving if goal.budget is None or spent + trial.seconds <= goal.budget]
     good = [trial for trial in timely if goal.target is not None and percent(trial) <= goal.target]
     if good:
         chosen = min(good, key=lambda trial: trial.seconds)
@@ -119,6 +118,12 @@ def choose(trials: Sequence[Trial], goal: Goal) -> Promise:
         chosen = quickest
         lacks = f"no settings are expected to end within {goal.budget:g} s: these are the quickest"
     return Promise(goal, chosen, spent + chosen.seconds, lacks, trials)
+
+
+def complete(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the trials that recover about as many pixels as the most complete."""
+    most = max(trial.recovered_pct for trial in trials)
+    return [trial for trial in trials if trial.recovered_pct >= COMPLETE * most]
 
 
 def percent(trial: Trial) -> float:

@@ -1,0 +1,252 @@
+"""Run inside a graphical Blender: install the zip, press the buttons of every stage, look at what the window does.
+
+    blender --python drive.py -- ZIP FOLDER
+
+Buttons are called as the panels call them (INVOKE_DEFAULT). Writes screenshots and ``window.json`` into the folder: for
+every stage how long it took and the longest time that the window stood still, and how long Esc took to stop one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import addon_utils
+import bpy
+
+MODULE = "bl_ext.user_default.lightsphere"
+ARCHIVE, FOLDER = sys.argv[sys.argv.index("--") + 1 :][:2]
+SHOT = os.environ.get("GUI_SHOT", "import -silent -window root")
+TICK = 0.02  # [s] between two beats of the window
+LONGEST = 600.0  # [s] that a stage may take
+CAPTURE = {"inner": 120, "outer": 30, "resolution": 100, "radius_inner": 2.5, "radius_outer": 4.0}
+
+found: dict[str, Any] = {"stages": {}, "still": 0.0}
+beats = {"last": time.monotonic(), "longest": 0.0}
+
+
+def steps() -> Iterator[float]:
+    """Do everything; every number yielded is a time for the window to go on [s]."""
+    bpy.context.preferences.view.show_splash = False
+    bpy.ops.extensions.package_install_files(filepath=ARCHIVE, repo="user_default", enable_on_install=True)
+    assert addon_utils.check(MODULE) == (True, True)  # the operator says FINISHED even when it failed
+    yield 1.0
+    scene = set_up()
+    yield 1.0
+    yield from show_tab()
+    assert press("add_rig") == {"FINISHED"}
+    yield 1.0
+    shot("rig")
+    yield from escaped(scene)
+    yield from estimated(scene, "capture", "draft")
+    shot("presets")
+    for stage in ("capture", "shape"):
+        yield from pressed(stage)
+        shot(stage)
+    scene.lightsphere.layer = "normal"
+    yield 3.0
+    shot("layer")
+    scene.lightsphere.layer = "plain"
+    for stage in ("reflectance", "material"):
+        yield from pressed(stage)
+        shot(stage)
+    show_images()
+    yield 1.0
+    yield from pressed("relight")
+    shot("relight")
+    yield from live(scene)
+    scene.lightsphere.compare.lights = 4
+    yield from pressed("compare")
+    yield 1.0
+    shot("compare")
+    for view in ("side", "difference"):
+        scene.lightsphere.view = view
+        yield 1.0
+        shot(f"compare_{view}")
+
+
+def set_up() -> bpy.types.Scene:
+    """Make a scene with a head of two materials before a camera, and save it."""
+    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)
+    scene = bpy.context.scene
+    for item in [item for item in scene.objects if item.type == "MESH"]:
+        bpy.data.objects.remove(item)
+    bpy.ops.mesh.primitive_monkey_add(size=1.6)
+    head = bpy.context.view_layer.objects.active
+    head.modifiers.new("Smooth", "SUBSURF").levels = 2
+    head.modifiers["Smooth"].render_levels = 2
+    bpy.ops.object.shade_smooth()
+    material = bpy.data.materials.new("Glaze")
+    if material.node_tree is None:
+        material.use_nodes = True
+    shader = material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (0.75, 0.3, 0.12, 1.0)
+    shader.inputs["Roughness"].default_value = 0.35
+    head.data.materials.append(material)
+    scene.camera.location, scene.camera.rotation_euler = (0.0, -5.0, 0.6), (1.45, 0.0, 0.0)
+    for name, value in CAPTURE.items():
+        setattr(scene.lightsphere.capture, name, value)
+    bpy.ops.wm.save_as_mainfile(filepath=str(Path(FOLDER) / "head.blend"))
+    return scene
+
+
+def show_tab() -> Iterator[float]:
+    """Open the sidebar with the tab."""
+    area = next(area for area in window().screen.areas if area.type == "VIEW_3D")
+    area.spaces[0].show_region_ui = True
+    yield 0.5
+    region = next(region for region in area.regions if region.type == "UI")
+    region.active_panel_category = "Lightsphere"
+    area.tag_redraw()
+    yield 1.0
+
+
+def show_images() -> None:
+    """Make the timeline's area an Image Editor."""
+    area = next(area for area in window().screen.areas if area.type in ("DOPESHEET_EDITOR", "OUTLINER"))
+    area.type = "IMAGE_EDITOR"
+
+
+def escaped(scene: bpy.types.Scene) -> Iterator[float]:
+    """Start a capture, press Esc, and see how soon it is stopped."""
+    start("capture")
+    run = runs().running
+    while not (run.task.stage == "render" and run.task.done >= 3):
+        assert runs().running is run, run.task.log
+        yield TICK
+    window().event_simulate(type="ESC", value="PRESS", x=300, y=300)
+    pressed_at = time.monotonic()
+    while runs().running is not None:
+        assert time.monotonic() - pressed_at < 30
+        yield TICK
+    found["seconds_to_stop"] = time.monotonic() - pressed_at
+    assert bpy.ops.lightsphere.capture.poll()
+    yield 0.5
+    shot("stopped")
+
+
+def estimated(scene: bpy.types.Scene, stage: str, preset: str) -> Iterator[float]:
+    """Estimate a stage and choose a preset."""
+    press("estimate", stage=stage)
+    yield from ended("estimate")
+    assert press("preset", stage=stage, preset=preset) == {"FINISHED"}
+    yield 0.5
+
+
+def pressed(stage: str) -> Iterator[float]:
+    """Press a stage's button and wait for its end, the window going on meanwhile."""
+    start(stage)
+    yield 1.0
+    if stage == "capture":
+        shot("running")
+    yield from ended(stage)
+
+
+def start(stage: str) -> None:
+    """Press a stage's button."""
+    state = press(stage)
+    assert state == {"RUNNING_MODAL"}, (stage, state)
+    beats["last"], beats["longest"] = time.monotonic(), 0.0
+
+
+def press(button: str, **properties: Any) -> set[str]:
+    """Call an operator as its button does, from the 3D viewport."""
+    area = next(area for area in window().screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window(), area=area, region=region):
+        return getattr(bpy.ops.lightsphere, button)("INVOKE_DEFAULT", **properties)
+
+
+def ended(stage: str) -> Iterator[float]:
+    """Wait until the worker has ended and its result is in the file."""
+    began = time.monotonic()
+    while runs().running is not None:
+        assert time.monotonic() - began < LONGEST, stage
+        yield TICK
+    run = runs().last
+    assert not run.task.error, (stage, run.task.error)
+    found["stages"][stage] = {"seconds": time.monotonic() - began, "longest_still": beats["longest"]}
+    yield 1.0
+
+
+def live(scene: bpy.types.Scene) -> Iterator[float]:
+    """Move a light and see how soon the picture follows."""
+    press("relight_live")
+    session = part("live").session
+    began = time.monotonic()
+    while session.told:
+        assert time.monotonic() - began < 60, session.told
+        yield TICK
+    light = next(item for item in scene.objects if item.type == "LIGHT")
+    times = []
+    for _ in range(5):
+        light.location.x -= 1.0
+        written = session.path.stat().st_mtime_ns
+        moved = time.monotonic()
+        while session.path.stat().st_mtime_ns == written:
+            assert time.monotonic() - moved < 30
+            yield TICK
+        times.append(time.monotonic() - moved)
+    found["live_seconds"] = sorted(times)[2]
+    yield 0.5
+    shot("live")
+    press("relight_live")
+
+
+def part(name: str) -> Any:
+    """Return a module of the add-on."""
+    return sys.modules[f"{MODULE}.blender_addon.{name}"]
+
+
+def runs() -> Any:
+    """Return the module that holds the running stage."""
+    return part("runs")
+
+
+def window() -> bpy.types.Window:
+    """Return Blender's window."""
+    return bpy.context.window_manager.windows[0]
+
+
+def shot(name: str) -> None:
+    """Take a picture of the screen."""
+    assert os.system(f'{SHOT} "{Path(FOLDER) / name}.png"') == 0
+    beats["last"] = time.monotonic()  # the window stood still for the picture
+
+
+going = steps()
+resume_at = 0.0
+
+
+def tick() -> float | None:
+    """Beat: note how long the window stood still, and do the next step when its time has come."""
+    global resume_at
+    now = time.monotonic()
+    beats["longest"] = max(beats["longest"], now - beats["last"])
+    beats["last"] = now
+    if now < resume_at:
+        return TICK
+    try:
+        resume_at = time.monotonic() + next(going)
+        beats["last"] = time.monotonic()
+        return TICK
+    except StopIteration:
+        print("WINDOW DRIVEN", bpy.app.version_string, flush=True)
+        status = 0
+    except BaseException:
+        traceback.print_exc()
+        shot("failed")
+        status = 1
+    (Path(FOLDER) / "window.json").write_text(json.dumps(found, indent=1))
+    part("runs").stop()
+    part("live").stop()
+    os._exit(status)  # Blender would ask whether to save
+
+
+bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
