@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy_extras import view3d_utils
 
 from ..pipeline.blender import overlays
 
@@ -25,6 +26,7 @@ def show(scene: bpy.types.Scene) -> None:
     if layer != PLAIN:
         for item in scene.objects:
             if item.get(overlays.MARK):
+                item.hide_set(False)
                 overlays.show(item, layer)
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
@@ -40,6 +42,23 @@ def shade(area: bpy.types.Area, plain: bool) -> None:
         _before.setdefault(place, {name: getattr(shading, name) for name in ("light", "color_type", "type")})
     for name, value in (_before.pop(place, {}) if plain else FLAT).items():
         setattr(shading, name, value)
+
+
+def pixel_at(context: bpy.types.Context, x: float, y: float) -> tuple[int, int] | None:
+    """Return row and column of the picture's pixel that a recovered mesh shows at a place of a viewport [px].
+
+    None where no recovered mesh is there.
+    """
+    region, view = context.region, context.region_data
+    origin = view3d_utils.region_2d_to_origin_3d(region, view, (x, y))
+    direction = view3d_utils.region_2d_to_vector_3d(region, view, (x, y))
+    for item in context.scene.objects:
+        if item.get(overlays.MARK) and item.visible_get():
+            to_local = item.matrix_world.inverted()
+            hit, _, _, polygon = item.ray_cast(to_local @ origin, to_local.to_3x3() @ direction)
+            if hit:
+                return overlays.pixel_of(item, polygon)
+    return None
 
 
 def shown(scene: bpy.types.Scene) -> bool:

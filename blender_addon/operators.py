@@ -1,13 +1,16 @@
 """The buttons of the stages: each runs in a worker; Esc stops it and what is finished is kept."""
 
+import time
+
 import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
-from . import comparison, costs, groups, live, results, runs, settings, stages
+from . import comparison, costs, groups, layers, live, results, runs, settings, stages
 from .stages import STAGES
 
 INTERVAL = 0.1  # [s] between two looks at the worker
+SHOWN_AGAIN = 0.5  # [s] between two times that the window shows how far it is: drawing it may be slow
 
 
 class Refusing:
@@ -60,13 +63,19 @@ class Running(Refusing):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Run beside the window."""
+        state = self.begin(context)
+        if state == {"RUNNING_MODAL"}:
+            context.window_manager.modal_handler_add(self)
+        return state
+
+    def begin(self, context: bpy.types.Context) -> set[str]:
+        """Start the worker and the clock by which it is looked at."""
         try:
             self.run = self.start(context)
         except LightsphereError as error:
             return self.refuse(error)
-        manager = context.window_manager
-        self.timer = manager.event_timer_add(INTERVAL, window=context.window)
-        manager.modal_handler_add(self)
+        self.timer = context.window_manager.event_timer_add(INTERVAL, window=context.window)
+        self.shown_at = 0.0
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -74,7 +83,11 @@ class Running(Refusing):
         if event.type not in ("TIMER", "ESC"):
             return {"PASS_THROUGH"}
         state = self.run.event(event.type)
-        show(context, self.run if state == "running" else None)
+        if state != "running":
+            show(context, None)
+        elif time.monotonic() > self.shown_at + SHOWN_AGAIN or event.type == "ESC":
+            show(context, self.run)
+            self.shown_at = time.monotonic()
         if state == "running":
             return {"RUNNING_MODAL" if event.type == "ESC" else "PASS_THROUGH"}
         context.window_manager.event_timer_remove(self.timer)
@@ -176,7 +189,7 @@ class LIGHTSPHERE_OT_inverse(StageOperator, bpy.types.Operator):
     """Recover what every group of surfaces of this scene reflects from one photograph of it. Esc stops"""
 
     bl_idname = "lightsphere.inverse"
-    bl_label = "Recover Reflectances"
+    bl_label = "Recover from Photograph"
     bl_options = {"UNDO"}
     stage = "inverse"
 
@@ -188,6 +201,54 @@ class LIGHTSPHERE_OT_compare(StageOperator, bpy.types.Operator):
     bl_label = "Compare with the Capture"
     bl_options = {"UNDO"}
     stage = "compare"
+
+
+class LIGHTSPHERE_OT_profile(StageOperator, bpy.types.Operator):
+    """Click on the recovered mesh: a plot shows what the pictures say about the depth there, and how sure it is"""
+
+    bl_idname = "lightsphere.profile"
+    bl_label = "Why This Depth"
+    bl_options = {"UNDO"}
+    stage = "profile"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Wait for the click."""
+        self.is_picking = True
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set("Click on the recovered mesh   Esc leaves")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Take the pixel under a click, then plot it."""
+        if not self.is_picking:
+            return super().modal(context, event)
+        if event.type == "ESC":
+            self.end_picking(context)
+            return {"CANCELLED"}
+        if event.type != "LEFTMOUSE" or event.value != "PRESS":
+            return {"PASS_THROUGH"}
+        region = next((r for r in context.area.regions if r.type == "WINDOW"), None) if context.area else None
+        with context.temp_override(region=region):
+            pixel = layers.pixel_at(context, event.mouse_x - region.x, event.mouse_y - region.y)
+        if pixel is None:
+            self.report({"WARNING"}, "No recovered mesh is there; click on one")
+            return {"RUNNING_MODAL"}
+        self.end_picking(context)
+        context.scene.lightsphere.pixel = pixel
+        return self.begin(context)
+
+    def end_picking(self, context: bpy.types.Context) -> None:
+        """Give the pointer back."""
+        self.is_picking = False
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        if self.is_picking:
+            self.end_picking(context)
+        else:
+            super().cancel(context)
 
 
 class LIGHTSPHERE_OT_estimate(Running, bpy.types.Operator):
@@ -340,13 +401,14 @@ def allowed(operator: type, reason: str) -> bool:
 
 
 def show(context: bpy.types.Context, run: runs.Run | None) -> None:
-    """Show how far a run is in the status bar and the panels."""
+    """Show how far a run is in the status bar and the panels; the viewports themselves are not drawn anew."""
     words = f"{run.stage.doing}: {runs.told(run.task)[1]}   Esc stops" if run else None
     context.workspace.status_text_set(words)
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+            for region in area.regions:
+                if area.type == "VIEW_3D" and region.type == "UI":
+                    region.tag_redraw()
 
 
 CLASSES = (
@@ -354,6 +416,7 @@ CLASSES = (
     LIGHTSPHERE_OT_capture,
     LIGHTSPHERE_OT_import_photographs,
     LIGHTSPHERE_OT_shape,
+    LIGHTSPHERE_OT_profile,
     LIGHTSPHERE_OT_reflectance,
     LIGHTSPHERE_OT_material,
     LIGHTSPHERE_OT_relight,

@@ -116,6 +116,7 @@ class LIGHTSPHERE_PT_shape(StagePanel, bpy.types.Panel):
     def draw_results(self, context: bpy.types.Context) -> None:
         if layers.shown(context.scene):
             self.layout.prop(context.scene.lightsphere, "layer", text="Show")
+            self.layout.operator("lightsphere.profile", icon="EYEDROPPER")
 
 
 class LIGHTSPHERE_PT_reflectance(StagePanel, bpy.types.Panel):

@@ -76,6 +76,7 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
 
     groups: bpy.props.CollectionProperty(type=LIGHTSPHERE_PG_group)
     group: bpy.props.IntProperty(name="Group", description="The group that is chosen in the list")
+    pixel: bpy.props.IntVectorProperty(name="Pixel", description="Row and column of the pixel that is plotted", size=2)
     costs: bpy.props.StringProperty(options={"HIDDEN"})  # see costs.py
 
     layer: bpy.props.EnumProperty(

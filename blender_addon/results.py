@@ -76,12 +76,17 @@ def picture(path: Path, name: str) -> bpy.types.Image:
 
 
 def show_image(image: bpy.types.Image) -> None:
-    """Show an image in every Image Editor that is open."""
+    """Show a whole image in every Image Editor that is open."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                area.spaces.active.image = image
-                area.tag_redraw()
+            if area.type != "IMAGE_EDITOR":
+                continue
+            area.spaces.active.image = image
+            region = next(region for region in area.regions if region.type == "WINDOW")
+            with bpy.context.temp_override(window=window, area=area, region=region):
+                if bpy.ops.image.view_all.poll():
+                    bpy.ops.image.view_all(fit_view=True)
+            area.tag_redraw()
 
 
 def shining(scene: bpy.types.Scene) -> list[bpy.types.Object]:
@@ -109,8 +114,10 @@ def error_maps(folder: Path) -> None:
 def asset(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     """Append the recovered object of an asset to the scene, its material marked as one that the asset browser shows.
 
-    Its camera and light stay behind.
+    Its camera and light stay behind. Recovered meshes, which stand in the same place, are hidden in the viewport.
     """
+    for plain in [item for item in scene.objects if item.get(overlays.MARK)]:
+        plain.hide_set(True)
     item = asset_files.append(scene, path)[0]
     for slot in item.material_slots:
         if slot.material is not None:

@@ -18,6 +18,7 @@ from ..pipeline.core.shape.settings import ShapeSettings
 from . import comparison, groups, results, settings
 
 SCENE_COPY = "scene.blend"
+PLOT = "profile.png"
 
 
 class Stage:
@@ -129,6 +130,27 @@ class Shape(Stage):
         shown.shape_folder = kept_as(folder)
         shown.reflectance_folder = kept_as(folder / "reflectance") if (folder / "reflectance").is_dir() else ""
         return f"The mesh {results.mesh(scene, folder).name!r} is in the scene"
+
+
+class Profile(Stage):
+    """Plot what the pictures say about the depth of one pixel."""
+
+    name = "profile"
+    doing = "Plotting"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        return lacks_capture(scene)
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        row, column = scene.lightsphere.pixel
+        place = [f"--row={row}", f"--column={column}"]
+        return ["profile", str(given(scene, "capture_folder")), *place, "-o", str(folder / PLOT)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        image = results.picture(folder / PLOT, folder.name)
+        image.pack()
+        results.show_image(image)
+        return f"The plot {image.name!r} is among the images"
 
 
 class Reflectance(Stage):
@@ -248,7 +270,17 @@ class Compare(Stage):
 
 STAGES: dict[str, Stage] = {
     stage.name: stage
-    for stage in (Capture(), Import(), Shape(), Reflectance(), Material(), Relight(), Inverse(), Compare())
+    for stage in (
+        Capture(),
+        Import(),
+        Shape(),
+        Profile(),
+        Reflectance(),
+        Material(),
+        Relight(),
+        Inverse(),
+        Compare(),
+    )
 }
 
 

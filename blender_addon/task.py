@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -13,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 POSIX = os.name == "posix"
+NICE = 10  # of the worker and its children: the window comes first
 PATIENCE = 20.0  # [s] that a stopped worker has to finish the picture at hand
 
 
@@ -51,7 +53,11 @@ class Task:
             encoding="utf-8",
             errors="replace",
             start_new_session=POSIX,
+            creationflags=0 if POSIX else subprocess.BELOW_NORMAL_PRIORITY_CLASS,
         )
+        if POSIX:
+            with contextlib.suppress(ProcessLookupError):  # it has ended already
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, NICE)
         self._readers = [
             threading.Thread(target=self._collect, args=(self._process.stdout, self._lines.put), daemon=True),
             threading.Thread(target=self._collect, args=(self._process.stderr, self.log.append), daemon=True),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from ..pipeline.blender import workers
 from .preferences import user_folder
 
-WITHOUT_BLENDER = ("shape", "reflectance", "relight-worker")  # stages that the solvers alone do
+WITHOUT_BLENDER = ("shape", "profile", "reflectance", "relight-worker")  # stages that the solvers alone do
 
 
 def command_line(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from ..core.shape import Shape
 from ..core.shape.mesh import Mesh
+from .meshes import UV_LAYER
 from .pixels import filled
 
 #: Layers of one number, and whether little of it is good.
 NUMBERS = {"confidence": False, "expected_error": True, "depth": False}
 NORMAL = "normal"
-MARK = "lightsphere_layers"  # property of meshes that have some
+MARK = "lightsphere_layers"  # property of meshes that have some: height and width of the pictures
 COLOURS = "Layer"  # the colour attribute that shows one of them
 #: Dark blue to yellow, even to the eye and to colour-blind ones: viridis (Smith and van der Walt 2015), linear.
 RAMP = np.array(
@@ -38,7 +39,15 @@ def add(item: bpy.types.Object, mesh: Mesh, shape: Shape) -> None:
             attribute.data.foreach_set("value", _at(mesh.uv, np.where(unknown, np.nan, layers[name])))
     normals = item.data.attributes.new(NORMAL, "FLOAT_VECTOR", "POINT")
     normals.data.foreach_set("vector", _at(mesh.uv, np.where(unknown[..., None], np.nan, shape.normal)).ravel())
-    item[MARK] = True
+    item[MARK] = shape.depth.shape
+
+
+def pixel_of(item: bpy.types.Object, polygon: int) -> tuple[int, int]:
+    """Return row and column of the pixel at the middle of a recovered mesh's polygon."""
+    height, width = item[MARK]
+    loops = item.data.polygons[polygon].loop_indices
+    u, v = np.mean([item.data.uv_layers[UV_LAYER].uv[loop].vector for loop in loops], axis=0)
+    return min(int((1 - v) * height), height - 1), min(int(u * width), width - 1)
 
 
 def show(item: bpy.types.Object, layer: str) -> None:

@@ -15,10 +15,11 @@ def cache_folder() -> Path:
     """Return where compiled kernels are kept: a folder named after what all of them are compiled from.
 
     numba notices a change in a kernel's own file only, not in those of the kernels that it calls; those lie in files
-    that make kernels, too, and constants of a kernel must stand in such a file. The folder lies in
-    ``NUMBA_CACHE_DIR`` where that is set, beside this file otherwise.
+    that make kernels, too, and constants of a kernel must stand in such a file. What is kept names its module, which
+    has another name as a part of Blender's extension. The folder lies in ``NUMBA_CACHE_DIR`` where that is set, beside
+    this file otherwise.
     """
-    sources = hashlib.sha256()
+    sources = hashlib.sha256(__name__.encode())
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         source = path.read_bytes()
         if b"compiled import" in source or path == Path(__file__):

@@ -52,7 +52,7 @@ def plot_png(figure: Figure, dpi: int = 200, tight: bool = True) -> bytes:
     """Return a figure as the bytes of a PNG file, cut to what is drawn or of its own size; the ground is its own."""
     sink = io.BytesIO()
     box = {"bbox_inches": "tight", "pad_inches": 0.04} if tight else {}
-    figure.savefig(sink, format="png", dpi=dpi, **box)
+    figure.savefig(sink, format="png", dpi=dpi, facecolor="auto", **box)
     return sink.getvalue()
 
 

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Vector
 
 from pipeline.blender import cycles, pixels
 from pipeline.blender import scene as scenes
 from tests.addon import ball_before_camera, part
 from tests.photographed import directions, lambert, listed, png
+
+FRONT = Vector((0.0, -1.0, 0.0))  # of the unit ball, before the camera
+
+
+def fields_of(stage: Any) -> list[str]:
+    return [item.name for item in dataclasses.fields(stage.settings)]
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +92,20 @@ def test_the_mesh_shows_what_is_known_of_it(captured: bpy.types.Scene) -> None:
     assert np.median(abs(right - 0.5 * place[:, 2] - 0.5)) > 0.1
     assert np.quantile(facing, 0.1) > 0.5
     captured.lightsphere.layer = "plain"
+
+
+def test_why_a_depth_is_what_it_is_comes_as_a_plot(captured: bpy.types.Scene) -> None:
+    mesh = captured.objects["shape_001"]
+    nearest = min(mesh.data.polygons, key=lambda polygon: (mesh.matrix_world @ polygon.center - FRONT).length)
+    row, column = part("layers").overlays.pixel_of(mesh, nearest.index)
+    assert abs(row - 12) <= 1 and abs(column - 12) <= 1  # of 24 by 24, the camera aims at the ball's middle
+    captured.lightsphere.pixel = (row, column)
+    assert bpy.ops.lightsphere.profile() == {"FINISHED"}
+    plot = bpy.data.images["profile_001"]
+    assert plot.packed_file and plot.size[0] > 500
+    captured.lightsphere.pixel = (0, 0)
+    with pytest.raises(RuntimeError, match="does not show the object"):
+        bpy.ops.lightsphere.profile()
 
 
 def test_relit_by_the_scene_s_lights(captured: bpy.types.Scene) -> None:
@@ -235,3 +258,23 @@ def test_the_weight_of_a_cache_is_told(addon: None, tmp_path: Path) -> None:
     (tmp_path / "inner").mkdir()
     (tmp_path / "inner" / "kernel").write_bytes(bytes(1234))
     assert part("preferences").size(tmp_path) == 1234
+
+
+def test_labels_buttons_and_tooltips_are_translated(addon: None) -> None:
+    words = part("translations").GERMAN
+    classes = [*part("operators").CLASSES, *part("files").CLASSES, *part("panels").CLASSES]
+    operators = [item for item in classes if issubclass(item, bpy.types.Operator)]
+    labels = {item.bl_label for item in classes if hasattr(item, "bl_label")} - {"Material"}  # Blender's own word
+    tips = {item.__doc__ for item in operators}
+    assert len(operators) > 15
+    assert not (labels | tips) - set(words)
+    assert not [tip for tip in tips if tip.endswith(".")]  # Blender's habit
+    fields = [
+        item for stage in part("stages").STAGES.values() if hasattr(stage, "settings") for item in fields_of(stage)
+    ]
+    settings = {name.replace("_", " ").title() for name in fields}
+    assert not settings - set(words)
+    folder = Path(part("stages").__file__).parent
+    source = "".join(path.read_text() for path in folder.glob("*.py") if path.name != "translations.py")
+    known = settings | tips | {"Draft", "Standard", "Final"}
+    assert not [key for key in words if f'"{key}' not in source and key not in known]  # what nobody shows

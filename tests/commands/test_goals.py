@@ -101,6 +101,9 @@ def test_a_dry_run_says_what_settings_cost_and_leaves_nothing(
     assert cli.main([*given, "-o", str(tmp_path / "out"), "--dry-run", "--json", str(figures)]) == 0
     assert not (tmp_path / "out").exists()
     trials = json.loads(figures.read_text())["trials"]
+    named = json.loads(figures.read_text())["presets"]
+    assert list(named) == ["draft", "standard", "final"]
+    assert all(one["label"] in {row["label"] for row in trials} for one in named.values())
     assert len({row["pictures"] for row in trials}) >= 3
     assert all(row["seconds"] > 0 for row in trials)
     told = capsys.readouterr().out

@@ -3,6 +3,7 @@
 import importlib.util
 import sys
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -23,9 +24,21 @@ def main(archive: str, work: Path) -> None:
         found = importlib.util.find_spec(name)
         assert found and found.origin and Path(found.origin).is_relative_to(extensions / ".local"), name
     use(work)
+    preferences().results = str(work / "elsewhere")
+    # An upgrade:
+    bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
+    assert addon_utils.check(MODULE) == (True, True)
+    assert preferences().results == str(work / "elsewhere")
+    opened = bpy.ops.lightsphere.open_capture(filepath=str(work / "work.lightsphere" / "capture_001" / "capture.json"))
+    assert opened == {"FINISHED"}
     assert not list((extensions / "user_default" / "lightsphere").rglob("*.nb[ic]")), "kernels beside the code"
     addon_utils.disable(MODULE, default_set=True)
     assert traces() == before
+    repositories = [item.module for item in bpy.context.preferences.extensions.repos]
+    bpy.ops.extensions.package_uninstall(repo_index=repositories.index("user_default"), pkg_id="lightsphere")
+    assert not (extensions / "user_default" / "lightsphere").exists()
+    left = [name for name in BUNDLED if list((extensions / ".local").rglob(f"site-packages/{name}"))]
+    assert not left, left
     print("USED AND REMOVED", bpy.app.version_string)
 
 
@@ -43,6 +56,11 @@ def use(work: Path) -> None:
         assert getattr(bpy.ops.lightsphere, operator)() == {"FINISHED"}, operator
     assert len(scene.objects["shape_001"].data.polygons) > 50
     assert scene.objects["Recovered"].active_material is not None
+
+
+def preferences() -> Any:
+    """Return the extension's preferences."""
+    return bpy.context.preferences.addons[MODULE].preferences
 
 
 def traces() -> set[str]:

@@ -66,9 +66,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
     return dataclasses.replace(as_shape(capture, mask, solution, depth, deviation), notes=left_out)
 
 
-def views_of(
-    capture: Capture, mask: NDArray[np.bool_], settings: ShapeSettings
-) -> Work[tuple[Views, Observations]]:
+def views_of(capture: Capture, mask: NDArray[np.bool_], settings: ShapeSettings) -> Work[tuple[Views, Observations]]:
     """Read what is given for the pixels of a mask (H, W); raises what :func:`recover` does."""
     check_lights(capture)
     observations = yield from observe(capture, mask, settings.memory)

@@ -115,7 +115,7 @@ def _fits(
         moving = state.copy()
         for k in order:
             moving[DEPTH] = depths[k]
-            fixed = joint.Pixel(*pixel[:1], depths[k], depths[k], *pixel[3:])  # limits that leave the depth no room
+            fixed = pixel._replace(near=depths[k], far=depths[k])  # limits that leave the depth no room
             refine(moving, glossy, fixed, joint.FULL, joint.STEPS, summary)
             misfit[k] = ROOT_TO_VALUE * summary[0] / pixel.middle
     return misfit
