@@ -3,7 +3,19 @@
 import bpy
 
 from ..pipeline.blender import exr
-from . import command, files, live, operators, panels, preferences, properties, rig_overlay, runs, translations
+from . import (
+    command,
+    files,
+    live,
+    operators,
+    panels,
+    preferences,
+    properties,
+    rig_gizmos,
+    rig_overlay,
+    runs,
+    translations,
+)
 
 CLASSES = (
     *properties.CLASSES,
@@ -11,6 +23,7 @@ CLASSES = (
     *operators.CLASSES,
     *files.CLASSES,
     *panels.CLASSES,
+    *rig_gizmos.CLASSES,
 )
 
 

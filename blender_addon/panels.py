@@ -6,7 +6,7 @@ import dataclasses
 
 import bpy
 
-from . import comparison, costs, layers, live, results, rig_overlay, runs, stages
+from . import comparison, costs, layers, live, properties, results, rig_overlay, runs, stages
 from .stages import STAGES
 
 
@@ -82,7 +82,14 @@ class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
 
     def draw_input(self, context: bpy.types.Context) -> None:
         self.layout.operator("lightsphere.add_rig", icon="OUTLINER_OB_LIGHT")
-        for item in results.rigs(context.scene):
+        rigs = results.rigs(context.scene)
+        if rigs:
+            column = self.layout.column(align=True)
+            for name in properties.OF_RIG:
+                column.prop(context.scene.lightsphere.capture, name)
+        if results.intersect(context.scene):
+            explain(self.layout, "The surfaces intersect: enlarge the outer one", "ERROR")
+        for item in rigs:
             explain(self.layout, rig_overlay.told(item), "ERROR")
 
     def draw_button(self, context: bpy.types.Context) -> None:

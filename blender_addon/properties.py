@@ -12,9 +12,13 @@ from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.relight import RelightSettings
 from ..pipeline.core.shape.settings import ShapeSettings
-from . import comparison, layers, settings
+from . import comparison, layers, results, settings
 
-LIGHTSPHERE_PG_capture = settings.group(CaptureSettings, "LIGHTSPHERE_PG_capture")
+OF_RIG = ("inner", "outer", "radius_inner", "radius_outer")  # settings that the scene's rig follows
+
+LIGHTSPHERE_PG_capture = settings.group(
+    CaptureSettings, "LIGHTSPHERE_PG_capture", dict.fromkeys(OF_RIG, results.follow)
+)
 LIGHTSPHERE_PG_import_photographs = settings.group(ImportSettings, "LIGHTSPHERE_PG_import_photographs")
 LIGHTSPHERE_PG_shape = settings.group(ShapeSettings, "LIGHTSPHERE_PG_shape")
 LIGHTSPHERE_PG_reflectance = settings.group(ReflectanceSettings, "LIGHTSPHERE_PG_reflectance")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import json
@@ -17,6 +18,7 @@ from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
 from ..pipeline.core.shape import Shape
 from ..pipeline.core.shape.ply import read_ply
+from . import settings
 
 ASSET = "asset.blend"
 OWN_RIG = "scene"  # the rig setting that stands for the scene's rig object
@@ -27,14 +29,32 @@ def rigs(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [item for item in scene.objects if item.get(rig.MARK)]
 
 
-def add_rig(scene: bpy.types.Scene, settings: CaptureSettings) -> bpy.types.Object:
+def add_rig(scene: bpy.types.Scene, chosen: CaptureSettings) -> bpy.types.Object:
     """Add the lights that the settings ask for as an object; raise LightsphereError where they cannot stand."""
-    if settings.rig == OWN_RIG:
-        settings = dataclasses.replace(settings, rig=CaptureSettings.rig)
-    lights = capture.describe(scene, scene.name, Path(), settings).lights
+    if chosen.rig == OWN_RIG:
+        chosen = dataclasses.replace(chosen, rig=CaptureSettings.rig)
+    lights = capture.describe(scene, scene.name, Path(), chosen).lights
     if lights.kind != "near":
         raise LightsphereError("distant lights stand nowhere, so they make no rig object; capture with them directly")
-    return rig.add(scene, lights)
+    item = rig.add(scene, lights, chosen)
+    for other in bpy.context.selected_objects:
+        other.select_set(False)
+    item.select_set(True)
+    bpy.context.view_layer.objects.active = item
+    return item
+
+
+def follow(shown: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Let the scene's rigs follow the settings; where the surfaces would intersect, they stay."""
+    for item in rigs(context.scene):
+        with contextlib.suppress(LightsphereError):  # the panel says so
+            rig.follow(item, settings.values(shown, CaptureSettings))
+
+
+def intersect(scene: bpy.types.Scene) -> bool:
+    """Return whether the settings' outer sphere is not larger than the inner one."""
+    shown = scene.lightsphere.capture
+    return bool(shown.radius_inner >= shown.radius_outer)
 
 
 def finished(folder: Path) -> bool:

@@ -34,7 +34,7 @@ def examine(scene: bpy.types.Scene) -> None:
             _faults[item.name] = (str(error), frozenset(range(len(item.data.vertices))))
             continue
         if len(wrong):
-            words = f"{len(wrong)} of {len(positions)} lights are inside the object: enlarge the rig or move it"
+            words = f"{len(wrong)} of {len(positions)} lights are inside the object"
             _faults[item.name] = (words, frozenset(int(i) for i in wrong))
 
 

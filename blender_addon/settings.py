@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import types
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import bpy
@@ -13,9 +15,14 @@ LENGTH = "m"
 RELATIVE = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}}  # of a path: it may move with the file
 
 
-def group(settings_type: type[Any], name: str) -> type[bpy.types.PropertyGroup]:
-    """Return a PropertyGroup class with one property per field of a settings dataclass."""
-    properties = {item.name: _property(item) for item in dataclasses.fields(settings_type)}
+def group(
+    settings_type: type[Any], name: str, update: Mapping[str, Callable[..., None]] = types.MappingProxyType({})
+) -> type[bpy.types.PropertyGroup]:
+    """Return a PropertyGroup class with one property per field of a settings dataclass.
+
+    Some fields call a function of the group and the context when they are changed.
+    """
+    properties = {item.name: _property(item, update.get(item.name)) for item in dataclasses.fields(settings_type)}
     members = {"__annotations__": properties, "__doc__": settings_type.__doc__}
     return type(name, (bpy.types.PropertyGroup,), members)
 
@@ -46,12 +53,13 @@ def options(settings: Any) -> list[str]:
     return words
 
 
-def _property(item: dataclasses.Field[Any]) -> Any:
+def _property(item: dataclasses.Field[Any], update: Callable[..., None] | None) -> Any:
     limits = limits_of(item)
     shared = {
         "name": item.name.replace("_", " ").title(),
         "description": limits.help[:1].upper() + limits.help[1:] + (f" [{limits.unit}]" if limits.unit else ""),
         "default": item.default,
+        "update": update,
     }
     if limits.choices:
         choices = [(word, word.replace("-", " ").title(), "") for word in limits.choices]

@@ -113,6 +113,7 @@ GERMAN = {
     "The scene has no camera": "Die Szene hat keine Kamera",
     "The scene has no mesh to capture": "Die Szene hat kein Mesh zum Aufnehmen",
     "The scene has no rig: add one": "Die Szene hat kein Lichtgerüst: eines hinzufügen",
+    "The surfaces intersect: enlarge the outer one": "Die Flächen schneiden sich: die äußere vergrößern",
     "The scene has no light: add one": "Die Szene hat kein Licht: eines hinzufügen",
     "The scene has no asset: make one": "Die Szene hat kein Asset: eines erzeugen",
     "No capture is chosen yet": "Noch keine Aufnahme gewählt",

@@ -24,7 +24,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     ),
     "pipeline/report": (NUMERIC | {"matplotlib", "flip_evaluator"}, {"pipeline/core", "pipeline/report"}),
     "scenes": ({"numpy"} | BLENDER, {"scenes"}),
-    "blender_addon": ({"bpy", "bpy_extras", "gpu", "gpu_extras"}, {"blender_addon", "pipeline"}),
+    "blender_addon": ({"bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}, {"blender_addon", "pipeline"}),
 }
 
 

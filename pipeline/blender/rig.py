@@ -2,39 +2,77 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core import rig
+from ..core.capture_settings import CaptureSettings
 from ..core.errors import LightsphereError
 from ..core.lights import Lights
 
 MARK = "lightsphere_rig"
+LAYOUT, OFFSET = "lightsphere_layout", "lightsphere_offset"  # of spheres: which, and their lights' mean from the centre
 NAME = "Light Rig"
 INTENSITY, SURFACE = "intensity", "surface"
 
 
-def add(scene: bpy.types.Scene, lights: Lights) -> bpy.types.Object:
-    """Add near lights to a scene as a wire object that no render shows; moving or scaling it moves the lights."""
+def add(scene: bpy.types.Scene, lights: Lights, settings: CaptureSettings) -> bpy.types.Object:
+    """Add near lights to a scene as a wire object that no render shows; moving or scaling it moves the lights.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    lights : Lights
+    settings : CaptureSettings
+        Of which they were made; a layout of spheres can follow other settings later (:func:`follow`).
+    """
     data = bpy.data.meshes.new(NAME)
-    edges = []
-    for surface in np.unique(lights.surface):
-        index = np.flatnonzero(lights.surface == surface)
-        points = lights.position[index]
-        edges.extend(index[rig.edges(points, points.mean(axis=0))].tolist())
     centre = lights.position.mean(axis=0)
-    data.from_pydata((lights.position - centre).tolist(), edges, [])
-    intensity = data.attributes.new(INTENSITY, "FLOAT_VECTOR", "POINT")
-    intensity.data.foreach_set("vector", lights.intensity.astype(np.float32).ravel())
-    surfaces = data.attributes.new(SURFACE, "INT", "POINT")
-    surfaces.data.foreach_set("value", lights.surface.astype(np.int32))
+    _fill(data, lights, centre)
     item = bpy.data.objects.new(NAME, data)
     item[MARK] = True
+    if settings.rig in rig.SPHERES:
+        item[LAYOUT] = settings.rig
+        item[OFFSET] = rig.double_sphere(settings, np.zeros(3)).position.mean(axis=0).tolist()
     item.location = centre
     item.hide_render = True
     item.display_type = "WIRE"
     scene.collection.objects.link(item)
     return item
+
+
+def follow(item: bpy.types.Object, settings: CaptureSettings) -> None:
+    """Give a rig object of spheres the radii and counts of other settings; it stays where it was moved to.
+
+    Raises
+    ------
+    LightsphereError
+        When the surfaces are not nested.
+    """
+    if LAYOUT not in item:
+        return
+    settings = dataclasses.replace(settings, rig=item[LAYOUT])
+    lights = rig.double_sphere(settings, -np.array(item[OFFSET]))
+    item.data.clear_geometry()
+    _fill(item.data, lights, np.zeros(3))
+    item.data.update()
+
+
+def _fill(data: bpy.types.Mesh, lights: Lights, centre: NDArray[np.float64]) -> None:
+    """Make a vertex of every light, about a centre, and edges that show the surfaces."""
+    edges = []
+    for surface in np.unique(lights.surface):
+        index = np.flatnonzero(lights.surface == surface)
+        points = lights.position[index]
+        edges.extend(index[rig.edges(points, points.mean(axis=0))].tolist())
+    data.from_pydata((lights.position - centre).tolist(), edges, [])
+    intensity = data.attributes.new(INTENSITY, "FLOAT_VECTOR", "POINT")
+    intensity.data.foreach_set("vector", lights.intensity.astype(np.float32).ravel())
+    surfaces = data.attributes.new(SURFACE, "INT", "POINT")
+    surfaces.data.foreach_set("value", lights.surface.astype(np.int32))
 
 
 def find(scene: bpy.types.Scene) -> bpy.types.Object:

@@ -13,6 +13,7 @@ from .capture_settings import CaptureSettings
 from .errors import LightsphereError
 from .lights import Lights
 
+SPHERES = ("double-sphere", "double-hemisphere")  # rigs of two concentric surfaces
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 # The outer lights are the same spiral turned by 1 rad, so that no outer light hides behind an inner one.
 TURN = np.array([[1, 0, 0], [0, np.cos(1), -np.sin(1)], [0, np.sin(1), np.cos(1)]])
@@ -36,7 +37,7 @@ def lights_for(settings: CaptureSettings, centre: NDArray[np.float64], view: NDA
     LightsphereError
         For surfaces that are not nested, an unknown rig, a light file that cannot be used, or lights that coincide.
     """
-    if settings.rig in ("double-sphere", "double-hemisphere"):
+    if settings.rig in SPHERES:
         lights = double_sphere(settings, centre)
     elif settings.rig == "distant":
         lights = distant(settings.inner, view)

@@ -175,6 +175,26 @@ def test_lights_inside_the_object_are_told_as_they_are_moved(scene: bpy.types.Sc
     assert overlay.told(item) == ""
 
 
+def test_the_rig_follows_radii_and_counts_where_it_was_moved_to(scene: bpy.types.Scene) -> None:
+    shown = scene.lightsphere.capture
+    shown.rig = "double-hemisphere"
+    bpy.ops.lightsphere.add_rig()
+    (item,) = part("results").rigs(scene)
+    assert bpy.context.view_layer.objects.active == item
+    item.location += Vector((1.0, 2.0, 3.0))
+    shown.inner, shown.radius_inner = 50, 2.5
+    bpy.context.view_layer.update()
+    radii = [(item.matrix_world @ vertex.co - Vector((1.0, 2.0, 3.0))).length for vertex in item.data.vertices]
+    np.testing.assert_allclose(radii, [2.5] * 50 + [3.0] * 20, rtol=1e-5)  # about the ball, moved along
+    assert min((item.matrix_world @ vertex.co).z for vertex in item.data.vertices) > 3.0  # halves stay halves
+    shown.radius_inner = 4.0  # larger than the outer one: it stays as it is
+    assert part("results").intersect(scene)
+    assert len(item.data.vertices) == 70
+    assert max(vertex.co.length for vertex in item.data.vertices) < 3.5
+    shown.radius_inner = 2.0
+    assert bpy.ops.lightsphere.capture() == {"FINISHED"}  # lights keep their intensities and surfaces
+
+
 @pytest.mark.slow
 def test_groups_are_edited_found_applied_and_taken_back(addon: None, tmp_path: Path) -> None:
     scene = scenes.load("colour-box")

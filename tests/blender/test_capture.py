@@ -192,7 +192,7 @@ def test_half_floats_are_the_rounded_floats(tmp_path: Path) -> None:
 def test_rig_object_moves_and_scales_the_lights(tmp_path: Path) -> None:
     scene = small_scenes.lambert(0.5)
     placed = layouts.double_sphere(SMALL, np.zeros(3))
-    item = rig.add(scene, placed)
+    item = rig.add(scene, placed, SMALL)
     item.location, item.scale = (0.1, 0.2, 0.3), (2, 2, 2)
     made = finish(capture.capture(scene, "test", tmp_path, dataclasses.replace(SMALL, rig="scene")))
     expected = 2 * (placed.position - placed.position.mean(axis=0)) + (0.1, 0.2, 0.3)
