@@ -41,7 +41,7 @@ class StagePanel:
     def draw_costs(self, context: bpy.types.Context) -> None:
         """Draw the presets with what they are expected to take and give, and what the stage took last."""
         stage, scene = STAGES[self.stage], context.scene
-        if stage.varied and not stage.lacks(scene):
+        if stage.foretells(scene) and not stage.lacks(scene):
             column = self.layout.column(align=True)
             for name, preset in costs.presets(stage, scene).items():
                 words = f"{bpy.app.translations.pgettext_iface(name.title())}: {costs.told(preset)}"

@@ -79,6 +79,14 @@ def pictures(folder: Path) -> int:
     return len(files)
 
 
+def suited_method(folder: Path) -> str:
+    """Return the method of shape that a capture's lights suit."""
+    lights = Capture.open(folder).lights
+    if lights.kind == "unknown":
+        return "uncalibrated"
+    return "double-sphere" if len(lights.on("inner")) and len(lights.on("outer")) else "acls"
+
+
 def mesh(scene: bpy.types.Scene, folder: Path) -> bpy.types.Object:
     """Add a recovered mesh to the scene, its layers (depth, normal, confidence) with it and as an image."""
     picture(folder / "shape.exr", f"{folder.name} layers")
@@ -136,6 +144,10 @@ def asset(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
 
     Its camera and light stay behind. Recovered meshes, which stand in the same place, are hidden in the viewport.
     """
+    for drawn in path.parent.glob(f"{path.stem}_bases.png"):  # not there for one lobe per pixel
+        image = picture(drawn, f"{path.parent.name} bases")
+        image.pack()
+        show_image(image)
     for plain in [item for item in scene.objects if item.get(overlays.MARK)]:
         plain.hide_set(True)
     item = asset_files.append(scene, path)[0]

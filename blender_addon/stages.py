@@ -47,6 +47,10 @@ class Stage:
         """Return why the stage cannot run, empty when it can."""
         raise NotImplementedError
 
+    def foretells(self, scene: bpy.types.Scene) -> bool:
+        """Return whether trials can tell what the stage would take and give."""
+        return bool(self.varied)
+
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         """Return the command's words; the result goes into the folder."""
         raise NotImplementedError
@@ -119,6 +123,9 @@ class Shape(Stage):
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         return lacks_capture(scene)
+
+    def foretells(self, scene: bpy.types.Scene) -> bool:
+        return scene.lightsphere.shape.method == "double-sphere" and not scene.lightsphere.scan
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         shown = scene.lightsphere
@@ -308,8 +315,9 @@ def lacks_shape(scene: bpy.types.Scene) -> str:
 
 
 def bring_pictures(scene: bpy.types.Scene, folder: Path) -> str:
-    """Let the next stage open a capture, and show its pictures as a sequence."""
+    """Let the next stage open a capture, by the method that suits it, and show its pictures as a sequence."""
     scene.lightsphere.capture_folder = kept_as(folder)
+    scene.lightsphere.shape.method = results.suited_method(folder)
     scene.lightsphere.shape_folder = scene.lightsphere.reflectance_folder = ""
     return f"{results.pictures(folder)} pictures in {folder}, as an image of a frame for every light"
 

@@ -47,7 +47,8 @@ def material(
     """Write asset.blend: mesh with UVs, a node material of Cycles' own closures, camera, lights and sky.
 
     The mesh is the one that the shape was taken from, or a relief through the shape's pixels; the material of a BRDF
-    file comes on a ball. The material carries its own errors, and a page beside it, asset.html, shows them: against
+    file comes on a ball. asset_bases.png shows each basis on balls and over angles. The material carries its own
+    errors, and a page beside it, asset.html, shows them: against
     what was recovered, against Cycles' own picture of it, and what each closure more costs to render. Exports for other
     programs are of the nearest Principled BSDF, whose error is stated beside.
     """
@@ -56,7 +57,7 @@ def material(
     if output.suffix != ".blend":
         raise LightsphereError(f"{output} is no .blend file; name the asset like asset.blend")
     exports.check_names(gltf, usd)
-    for path in (output, output.with_suffix(".html"), gltf, usd, pbr):
+    for path in (output, output.with_suffix(".html"), bases_file(output), gltf, usd, pbr):
         if path is not None and path.exists() and not overwrite:
             raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
@@ -78,17 +79,18 @@ def made(
 
     shape, folder, found = yield from opened(source, settings)
     nearest = fit_principled(*bases_of(found)) if principled else None
-    page = ""
+    shown: tuple[str, bytes] | None = None
     if isinstance(found, Surface):
-        found, page = yield from judged(found, nearest, output.stem)
+        found, shown = yield from judged(found, nearest, output.stem)
     if shape is not None and (scan := shape.notes.get("mesh")):
         mesh = (folder / scan).resolve()
         figures = scanned_asset.write(output, shape, mesh, found, settings, nearest, pbr, overwrite=True)
     else:
         name = source.stem if shape is None else "Recovered"
         figures = asset.write(output, shape, found, name, settings, nearest, pbr, overwrite=True)
-    if page:
-        images.write_text(output.with_suffix(".html"), page)
+    if shown is not None:
+        images.write_text(output.with_suffix(".html"), shown[0])
+        images.write_bytes(bases_file(output), shown[1])
     wanted = OF_MIXTURE if isinstance(found, Surface) else OF_ONE_LOBE
     figures |= {key: found.notes[key] for key in wanted if key in found.notes}
     return figures | (nearest.notes if nearest is not None else {})
@@ -119,21 +121,26 @@ def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None,
     return shape, folder, found
 
 
-def judged(found: Surface, nearest: Principled | None, name: str) -> Work[tuple[Surface, str]]:
-    """Render a surface's bases by Cycles; return the surface with what was found, and its page."""
+def bases_file(asset: Path) -> Path:
+    """Return where the picture of an asset's bases lies."""
+    return asset.with_name(f"{asset.stem}_bases.png")
+
+
+def judged(found: Surface, nearest: Principled | None, name: str) -> Work[tuple[Surface, tuple[str, bytes]]]:
+    """Render a surface's bases by Cycles; return the surface with what was found, its page and its bases' picture."""
     from ..blender.render_cost import relative_cost
     from ..blender.round_trip import round_trip
-    from ..report.material import Results, report
+    from ..report.material import Results, bases_picture, report
 
     turn = yield from round_trip(found.mixture, found.bases)
     costs = yield from relative_cost(found.mixture)
-    page = report(Results(name, found, turn.pictures, turn.against_table, costs, nearest))
+    results = Results(name, found, turn.pictures, turn.against_table, costs, nearest)
     notes = {
         "rendered_rel_rms": turn.against_mixture.tolist(),
         "rendered_table_rel_rms": turn.against_table.tolist(),
         "render_cost": costs[-1],
     }
-    return dataclasses.replace(found, notes=found.notes | notes), page
+    return dataclasses.replace(found, notes=found.notes | notes), (report(results), bases_picture(results))
 
 
 def summary(figures: dict[str, Any]) -> str:

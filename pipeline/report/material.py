@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -53,6 +54,22 @@ def report(r: Results) -> str:
     if r.surface.weights.shape[0] > 1:
         parts.append(_weights(r))
     return html.page(f"Material of {r.name}", parts)
+
+
+def bases_picture(r: Results) -> bytes:
+    """Draw every basis in a row, as a PNG: on balls under the suns of :func:`_spheres`, and over angles."""
+    count = len(r.pictures)
+    figure = Figure(figsize=(9.6, 2.4 * count), facecolor=style.PAPER, layout="constrained")
+    rows = figure.subplots(count, len(SUNS) + 1, squeeze=False, width_ratios=[1.0] * len(SUNS) + [1.6])
+    for k, (axes, pictures) in enumerate(zip(rows, r.pictures, strict=True)):
+        exposure = style.exposure_for(pictures, 99.0)
+        for ball, sun in zip(axes, SUNS, strict=False):
+            ball.set_axis_off()
+            if sun < len(pictures):
+                ball.imshow(style.display(pictures[sun], exposure), interpolation="nearest")
+        axes[0].set_title(f"basis {k + 1}", fontsize=9, color=style.SOFT, loc="left")
+        _draw_slices(axes[-1], r.surface.bases[k], r.surface.mixture, k)
+    return style.plot_png(figure)
 
 
 def _head(r: Results) -> str:
@@ -157,7 +174,11 @@ def _view_plot(mixture: Mixture) -> bytes:
 
 def _slice_plot(brdf: Brdf, mixture: Mixture, number: int) -> bytes:
     figure = Figure(figsize=(4.2, 2.9))
-    axes = figure.add_subplot()
+    _draw_slices(figure.add_subplot(), brdf, mixture, number)
+    return style.plot_png(figure)
+
+
+def _draw_slices(axes: Any, brdf: Brdf, mixture: Mixture, number: int) -> None:
     for degrees, colour in zip(SLICES, (style.ACCENT, style.WARM, style.SOFT), strict=True):
         theta_d = np.radians(degrees)
         theta_h = np.linspace(0, 1, 120) ** 2 * (np.radians(89) - theta_d)
@@ -169,7 +190,6 @@ def _slice_plot(brdf: Brdf, mixture: Mixture, number: int) -> bytes:
     axes.set_yscale("log")
     axes.set_xlabel("half angle [degrees]")
     axes.legend(frameon=False, fontsize=7.5, title="difference angle", title_fontsize=7.5)
-    return style.plot_png(figure)
 
 
 def _cost(r: Results) -> str:

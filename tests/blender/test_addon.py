@@ -174,6 +174,8 @@ def test_from_rig_to_asset(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert bpy.ops.lightsphere.material() == {"FINISHED"}
     asset = scene.objects["Recovered"]
     assert asset.data.uv_layers and asset.active_material.node_tree.nodes
+    bases = bpy.data.images["material_001 bases"]  # each on balls and over angles
+    assert bases.packed_file and bases.size[0] > 1000
     assert "Lightsphere" in {tag.name for tag in asset.active_material.asset_data.tags}
     assert len([item for item in scene.objects if item.type == "CAMERA"]) == 1
     asset.location.x += 3  # to look at it beside the original

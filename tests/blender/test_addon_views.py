@@ -66,6 +66,7 @@ def test_presets_say_what_they_take_and_give_until_something_changes(captured: b
     captured.lightsphere.capture_folder = "//elsewhere"
     assert costs.presets(stage, captured) == {}
     assert not list(part("runs").results_folder().glob("estimate_*"))
+    assert captured.lightsphere.shape.method == "double-sphere"
     assert costs.last_time(captured, "shape") > 0
 
 
@@ -246,9 +247,11 @@ def test_files_are_opened_from_the_import_menu(scene: bpy.types.Scene, tmp_path:
     assert bpy.ops.lightsphere.open_photographs(filepath=str(folder / "IMG_0.png")) == {"FINISHED"}
     made = Path(bpy.path.abspath(scene.lightsphere.capture_folder))
     assert json.loads((made / "capture.json").read_text())["lights"]
-    scene.lightsphere.capture_folder = ""
+    assert scene.lightsphere.shape.method == "acls"  # distant lights
+    scene.lightsphere.capture_folder, scene.lightsphere.shape.method = "", "double-sphere"
     assert bpy.ops.lightsphere.open_capture(filepath=str(made / "capture.json")) == {"FINISHED"}
     assert Path(bpy.path.abspath(scene.lightsphere.capture_folder)) == made
+    assert scene.lightsphere.shape.method == "acls"
     with pytest.raises(RuntimeError, match="no finished capture"):
         bpy.ops.lightsphere.open_capture(filepath=str(folder / "lights.txt"))
     handler = bpy.types.LIGHTSPHERE_FH_photographs

@@ -84,7 +84,10 @@ def check_lights(capture: Capture) -> None:
     """Raise LightsphereError when the lights cannot fix depths by double covering."""
     lights = capture.lights
     if lights.kind != "near":
-        raise LightsphereError(f"{capture.folder} has {lights.kind} lights; double covering needs near point lights")
+        other = "uncalibrated" if lights.kind == "unknown" else "acls"
+        raise LightsphereError(
+            f"{capture.folder} has {lights.kind} lights; double covering needs near point lights: use --method {other}"
+        )
     for surface in ("inner", "outer"):
         if len(lights.on(surface)) < 4:
             raise LightsphereError(
