@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from ..pipeline.core.errors import LightsphereError
 from .stages import Stage
 
 #: How the errors that presets promise are called where artists read them.
@@ -35,7 +36,10 @@ def remember_presets(scene: bpy.types.Scene, name: str, made_for: str, found: Ma
 def presets(stage: Stage, scene: bpy.types.Scene) -> Mapping[str, Any]:
     """Return a stage's presets, see :func:`pipeline.core.tradeoff.presets.presets`; none where they are outdated."""
     kept = _kept(scene, "presets").get(stage.name)
-    if kept is None or kept["for"] != signature(stage, scene):
+    try:
+        if kept is None or kept["for"] != signature(stage, scene):
+            return {}
+    except LightsphereError:  # a setting that cannot be: the stage's button says so
         return {}
     found: Mapping[str, Any] = kept["found"]
     return found

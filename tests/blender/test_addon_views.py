@@ -75,6 +75,9 @@ def test_a_preset_of_the_capture_takes_samples(scene: bpy.types.Scene) -> None:
     bpy.ops.mesh.primitive_torus_add()  # light bounces in it
     scene.lightsphere.capture.effects, scene.lightsphere.capture.error = "full", 0.1
     assert bpy.ops.lightsphere.estimate(stage="capture") == {"FINISHED"}
+    scene.lightsphere.capture.simulate = "nonsense"  # the panel is drawn all the same
+    assert part("costs").presets(part("stages").STAGES["capture"], scene) == {}
+    scene.lightsphere.capture.simulate = ""
     found = part("costs").presets(part("stages").STAGES["capture"], scene)
     bpy.ops.lightsphere.preset(stage="capture", preset="final")
     assert scene.lightsphere.capture.samples == found["final"]["settings"]["samples"]
