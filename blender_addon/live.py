@@ -29,11 +29,13 @@ class Session:
         What is wrong with the lights or the capture, or that it is starting; empty where the picture is up to date.
     """
 
-    def __init__(self, shape: Path, scene_name: str) -> None:
-        self.scene_name = scene_name
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.scene_name = scene.name
         self.told = "Reading the capture"
         self.path = Path(bpy.app.tempdir) / "lightsphere_relit.exr"
-        self._worker = Worker(*worker.command_line(["relight-worker", str(shape), str(self.path)]))
+        shape = str(stages.given(scene, "shape_folder"))
+        words = ["relight-worker", shape, str(self.path), *stages.STAGES["relight"].options(scene)]
+        self._worker = Worker(*worker.command_line(words))
         self._asked: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._last, self._is_waiting = "", False
@@ -82,7 +84,7 @@ class Session:
 def start(scene: bpy.types.Scene) -> None:
     """Keep the scene's relit picture up to date from now on."""
     global session
-    session = Session(stages.given(scene, "shape_folder"), scene.name)
+    session = Session(scene)
     bpy.app.timers.register(tick, first_interval=INTERVAL)
 
 

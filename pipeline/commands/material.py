@@ -47,10 +47,10 @@ def material(
     """Write asset.blend: mesh with UVs, a node material of Cycles' own closures, camera, lights and sky.
 
     The mesh is the one that the shape was taken from, or a relief through the shape's pixels; the material of a BRDF
-    file comes on a ball. asset_bases.png shows each basis on balls and over angles. The material carries its own
-    errors, and a page beside it, asset.html, shows them: against
-    what was recovered, against Cycles' own picture of it, and what each closure more costs to render. Exports for other
-    programs are of the nearest Principled BSDF, whose error is stated beside.
+    file comes on a ball. The material carries its own errors, and a page beside it, asset.html, shows them: against
+    what was recovered, against Cycles' own picture of it, and what each closure more costs to render; asset_bases.png
+    shows each basis on balls and over angles. Exports for other programs are of the nearest Principled BSDF, whose
+    error is stated beside.
     """
     from ..blender import exports
 

@@ -112,14 +112,16 @@ def relight(
             figures.obtained(held_out_errors(prepared, capture, unseen))
 
 
+@settings_options(RelightSettings)
 def relight_worker(
     folder: Annotated[Path, typer.Argument(help="folder of a shape, which names its capture")],
     output: Annotated[Path, typer.Argument(help="the picture, an EXR, written anew for every line")],
+    settings: RelightSettings,
 ) -> None:
     """Make a picture for every line of emitters on standard input; answer each when it is written."""
     try:
         capture, shape = opened(folder, False)
-        prepared = finish(prepare(capture, shape, RelightSettings()))
+        prepared = finish(prepare(thinned_to(capture, settings.pictures), shape, settings))
     except LightsphereError as error:
         print("error", error, flush=True)
         return
