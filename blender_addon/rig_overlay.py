@@ -41,8 +41,9 @@ def examine(scene: bpy.types.Scene) -> None:
 def tick() -> float:
     """Look at the rigs after something has moved; called by Blender's timer."""
     global _is_dirty
-    if _is_dirty and results.rigs(bpy.context.scene):
-        examine(bpy.context.scene)
+    scene = bpy.context.scene  # none while a file is opened
+    if _is_dirty and scene is not None and results.rigs(scene):
+        examine(scene)
         for window in bpy.context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D":
@@ -96,7 +97,8 @@ def register() -> None:
 def unregister() -> None:
     """Take all of it back."""
     bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
-    bpy.app.timers.unregister(tick)
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
     bpy.app.handlers.load_post.remove(_moved)
     bpy.app.handlers.depsgraph_update_post.remove(_moved)
     _faults.clear()
