@@ -30,6 +30,9 @@ OF_BLENDER = ("bpy", "numpy")  # Blender brings its own
 # Its wheels want a newer macOS than the oldest that Blender runs on; without it Cycles renders everything.
 NOT_FOR = {"macos-arm64": ("embreex",)}
 
+# Tags of wheels that were built on a machine like the one at hand, for a distribution's Blender alone.
+BUILT_HERE = {"linux-x64": ("linux_x86_64",)}
+
 
 @dataclass(frozen=True)
 class Line:
@@ -49,13 +52,7 @@ LINES = {
 
 # Blender's name for a platform -> the wheel tags that its oldest supported system can load.
 PLATFORMS = {
-    "linux-x64": (
-        "linux_x86_64",
-        "manylinux_2_28_x86_64",
-        "manylinux_2_27_x86_64",
-        "manylinux_2_17_x86_64",
-        "manylinux2014_x86_64",
-    ),
+    "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),
     "macos-arm64": ("macosx_12_0_arm64", "macosx_11_0_arm64", "macosx_10_13_universal2", "macosx_10_9_universal2"),
 }
@@ -111,7 +108,8 @@ def download(line: Line, name: str) -> list[Path]:
     """Fetch the wheels for a Blender line and platform; return them without those that Blender brings."""
     folder = ROOT / "wheels" / f"{line.name}-{line.python}-{name}"
     shutil.rmtree(folder, ignore_errors=True)
-    tags = [word for tag in PLATFORMS[name] for word in ("--platform", tag)]
+    local = () if line in LINES.values() else BUILT_HERE.get(name, ())
+    tags = [word for tag in PLATFORMS[name] + local for word in ("--platform", tag)]
     only = ["--only-binary=:all:", "--implementation", "cp", "--python-version", line.python]
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--dest", str(folder)]
     subprocess.run([*command, *only, *tags, *requirements(line, name)], check=True)

@@ -6,6 +6,7 @@ from ..pipeline.blender import exr
 from . import (
     command,
     files,
+    group_operators,
     live,
     operators,
     panels,
@@ -21,6 +22,7 @@ CLASSES = (
     *properties.CLASSES,
     *preferences.CLASSES,
     *operators.CLASSES,
+    *group_operators.CLASSES,
     *files.CLASSES,
     *panels.CLASSES,
     *rig_gizmos.CLASSES,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import bpy
 
 from ..pipeline.blender import pixels
 from ..pipeline.core import images
-from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.errors import BROKEN_JSON, LightsphereError
 from ..pipeline.report import beside
 from . import results
 
@@ -25,39 +27,51 @@ _items: list[tuple[str, str, str]] = []  # of the menu: Blender wants them to li
 
 
 def errors(folder: Path) -> dict[str, float]:
-    """Return the relative RMSE of each kind of pictures in a comparison."""
-    figures = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
-    return {name: one["relight_rel_rmse"] for name, one in figures["comparisons"].items()}
+    """Return the relative RMSE of each kind of pictures in a comparison, none where there is no comparison."""
+    path = folder / FIGURES
+    return _errors(path, path.stat().st_mtime_ns) if path.is_file() else {}
+
+
+@functools.lru_cache(maxsize=16)
+def _errors(path: Path, written: int) -> dict[str, float]:
+    """Return the same for figures of known age: panels ask with every redraw."""
+    try:
+        figures = json.loads(path.read_text(encoding="utf-8"))
+        return {name: one["relight_rel_rmse"] for name, one in figures["comparisons"].items()}
+    except BROKEN_JSON:  # damaged, so there is none
+        return {}
 
 
 def kinds(scene: bpy.types.Scene) -> list[str]:
     """Return the kinds of pictures in the scene's comparison, none where there is no comparison."""
-    try:
-        return list(errors(_folder(scene)))
-    except (OSError, ValueError, KeyError, TypeError):  # not there, or damaged
-        return []
+    return list(errors(_folder(scene)))
 
 
 def show(scene: bpy.types.Scene) -> None:
     """Draw the chosen pictures of the scene's comparison, and show them where an Image Editor is open.
 
+    A kind that an earlier comparison had, and this one has not, is the first one's.
+
     Raises
     ------
     LightsphereError
-        When the scene's comparison is not there.
+        When the scene's comparison is not there, or its pictures are missing or damaged.
     """
-    shown = scene.lightsphere
-    if shown.view_kind not in kinds(scene):
+    shown, there = scene.lightsphere, kinds(scene)
+    if not there:
         raise LightsphereError("no comparison is there; compare with the capture first")
-    pairs = sorted((_folder(scene) / "pictures").glob(f"{shown.view_kind}_[0-9]*_reference.exr"))
-    reference = pairs[min(shown.view_light, len(pairs)) - 1]
-    picture, true = images.read_rgb(reference.with_name(reference.name.replace("_reference", ""))), reference
+    kind = shown.view_kind if shown.view_kind in there else there[0]
+    pairs = sorted((_folder(scene) / "pictures").glob(f"{kind}_[0-9]*_reference.exr"))
+    if not pairs:
+        raise LightsphereError(f"{_folder(scene)} has lost its pictures; compare with the capture again")
+    path = pairs[min(shown.view_light, len(pairs)) - 1]
+    reference, picture = images.read_rgb(path), images.read_rgb(path.with_name(path.name.replace("_reference", "")))
     if shown.view == "split":
-        drawn = beside.split(picture, images.read_rgb(true), shown.view_split)
+        drawn = beside.split(picture, reference, shown.view_split)
     elif shown.view == "side":
-        drawn = beside.side_by_side(picture, images.read_rgb(true))
+        drawn = beside.side_by_side(picture, reference)
     else:
-        drawn = beside.difference(picture, images.read_rgb(true))
+        drawn = beside.difference(picture, reference)
     results.show_image(pixels.screen_image(IMAGE, drawn))
 
 
@@ -69,7 +83,7 @@ def items(_: bpy.types.PropertyGroup, context: bpy.types.Context) -> list[tuple[
 
 def refresh(_: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """Draw anew after a choice was changed."""
-    if kinds(context.scene):
+    with contextlib.suppress(LightsphereError):  # the button beside the choices says it
         show(context.scene)
 
 

@@ -6,6 +6,7 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from . import results, stages
+from .operators import allowed
 
 PHOTOGRAPHS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 LISTS = (".lp", ".npz", ".npy")
@@ -81,10 +82,7 @@ class LIGHTSPHERE_OT_open_scan(bpy.types.Operator, ImportHelper):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reason = stages.lacks_capture(context.scene)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return allowed(cls, stages.lacks_capture(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Find what the capture's camera sees of it."""

@@ -6,6 +6,7 @@ import bpy
 from bpy_extras import view3d_utils
 
 from ..pipeline.blender import overlays
+from . import windows
 
 PLAIN = "plain"
 ITEMS = (
@@ -28,10 +29,8 @@ def show(scene: bpy.types.Scene) -> None:
             if item.get(overlays.MARK):
                 item.hide_set(False)
                 overlays.show(item, layer)
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                shade(area, layer == PLAIN)
+    for _, area in windows.areas("VIEW_3D"):
+        shade(area, layer == PLAIN)
 
 
 def shade(area: bpy.types.Area, plain: bool) -> None:

@@ -12,7 +12,7 @@ from ..pipeline.blender import emitters
 from ..pipeline.core.errors import LightsphereError
 from ..pipeline.core.relight import messages
 from ..pipeline.core.workers import Died, Worker
-from . import results, stages, worker
+from . import results, stages, windows, worker
 
 INTERVAL = 0.05  # [s] between two looks at the lights
 IMAGE = "Lightsphere Relit"
@@ -85,7 +85,8 @@ def start(scene: bpy.types.Scene) -> None:
     """Keep the scene's relit picture up to date from now on."""
     global session
     session = Session(scene)
-    bpy.app.timers.register(tick, first_interval=INTERVAL)
+    if not bpy.app.timers.is_registered(tick):  # it was ended a moment ago
+        bpy.app.timers.register(tick, first_interval=INTERVAL)
 
 
 def stop() -> None:
@@ -105,8 +106,8 @@ def tick() -> float | None:
         stop()
         return None
     if session.look(scene):
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
+        for kind in ("VIEW_3D", "IMAGE_EDITOR"):
+            for _, area in windows.areas(kind):
                 area.tag_redraw()
     return INTERVAL
 

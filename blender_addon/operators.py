@@ -6,7 +6,7 @@ import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
-from . import comparison, costs, groups, layers, live, results, runs, settings, stages
+from . import comparison, costs, layers, live, results, runs, settings, stages, windows
 from .stages import STAGES
 
 INTERVAL = 0.1  # [s] between two looks at the worker
@@ -22,7 +22,23 @@ class Refusing:
         return {"CANCELLED"}
 
 
-class LIGHTSPHERE_OT_add_rig(Refusing, bpy.types.Operator):
+class Acting(Refusing):
+    """Operators that do one thing at once."""
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Do it."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Do it, or tell what is wrong."""
+        try:
+            self.act(context)
+        except LightsphereError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
+
+
+class LIGHTSPHERE_OT_add_rig(Acting, bpy.types.Operator):
     """Add the lights of the settings as an object that you can move and scale; the capture then uses it"""
 
     bl_idname = "lightsphere.add_rig"
@@ -33,16 +49,12 @@ class LIGHTSPHERE_OT_add_rig(Refusing, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return allowed(cls, stages.lacks_rig(context.scene))
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         """Add the rig about the object."""
         shown = context.scene.lightsphere.capture
-        try:
-            item = results.add_rig(context.scene, settings.values(shown, CaptureSettings))
-        except LightsphereError as error:
-            return self.refuse(error)
+        item = results.add_rig(context.scene, settings.values(shown, CaptureSettings))
         shown.rig = results.OWN_RIG
         self.report({"INFO"}, f"{item.name!r} holds {len(item.data.vertices)} lights")
-        return {"FINISHED"}
 
 
 class Running(Refusing):
@@ -228,9 +240,11 @@ class LIGHTSPHERE_OT_profile(StageOperator, bpy.types.Operator):
             return {"CANCELLED"}
         if event.type != "LEFTMOUSE" or event.value != "PRESS":
             return {"PASS_THROUGH"}
-        region = next((r for r in context.area.regions if r.type == "WINDOW"), None) if context.area else None
-        with context.temp_override(region=region):
-            pixel = layers.pixel_at(context, event.mouse_x - region.x, event.mouse_y - region.y)
+        pixel = None
+        if context.area is not None:
+            region = next(region for region in context.area.regions if region.type == "WINDOW")
+            with context.temp_override(region=region):
+                pixel = layers.pixel_at(context, event.mouse_x - region.x, event.mouse_y - region.y)
         if pixel is None:
             self.report({"WARNING"}, "No recovered mesh is there; click on one")
             return {"RUNNING_MODAL"}
@@ -263,7 +277,7 @@ class LIGHTSPHERE_OT_estimate(Running, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, f"{runs.running.stage.doing}: Esc stops it" if runs.running else "")
+        return allowed(cls, runs.busy())
 
     def start(self, context: bpy.types.Context) -> runs.Run:
         lacking = STAGES[self.stage].lacks(context.scene)
@@ -272,7 +286,7 @@ class LIGHTSPHERE_OT_estimate(Running, bpy.types.Operator):
         return runs.Estimate(STAGES[self.stage], context.scene)
 
 
-class LIGHTSPHERE_OT_preset(bpy.types.Operator):
+class LIGHTSPHERE_OT_preset(Acting, bpy.types.Operator):
     """Use these settings: the quickest that are expected to have an error as small as is said"""
 
     bl_idname = "lightsphere.preset"
@@ -282,14 +296,12 @@ class LIGHTSPHERE_OT_preset(bpy.types.Operator):
     stage: bpy.props.StringProperty(name="Stage")
     preset: bpy.props.StringProperty(name="Preset")
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         """Set the stage's settings."""
         stage = STAGES.get(self.stage)
         if stage is None or self.preset not in costs.presets(stage, context.scene):
-            self.report({"ERROR"}, "No estimate is there for these settings; estimate time and error first")
-            return {"CANCELLED"}
+            raise LightsphereError("no estimate is there for these settings; estimate time and error first")
         costs.apply(stage, context.scene, self.preset)
-        return {"FINISHED"}
 
 
 class LIGHTSPHERE_OT_relight_live(bpy.types.Operator):
@@ -311,86 +323,15 @@ class LIGHTSPHERE_OT_relight_live(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LIGHTSPHERE_OT_view_comparison(Refusing, bpy.types.Operator):
+class LIGHTSPHERE_OT_view_comparison(Acting, bpy.types.Operator):
     """Show the comparison in the Image Editors that are open"""
 
     bl_idname = "lightsphere.view_comparison"
     bl_label = "Show in Image Editor"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         """Show it."""
-        try:
-            comparison.show(context.scene)
-        except LightsphereError as error:
-            return self.refuse(error)
-        return {"FINISHED"}
-
-
-class LIGHTSPHERE_OT_list_groups(Refusing, bpy.types.Operator):
-    """List which surfaces share a reflectance"""
-
-    bl_idname = "lightsphere.list_groups"
-    bl_label = "List Groups"
-    bl_options = {"UNDO"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """List them."""
-        try:
-            groups.listed(context.scene)
-        except LightsphereError as error:
-            return self.refuse(error)
-        return {"FINISHED"}
-
-
-class LIGHTSPHERE_OT_assign_group(Refusing, bpy.types.Operator):
-    """Let the selected objects share one reflectance"""
-
-    bl_idname = "lightsphere.assign_group"
-    bl_label = "Group Selected"
-    bl_options = {"UNDO"}
-
-    name: bpy.props.StringProperty(name="Name", description="Of the group. Empty: back to the rule of the settings")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, "" if context.selected_objects else "No object is selected")
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for the name."""
-        return context.window_manager.invoke_props_dialog(self)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Group them."""
-        try:
-            groups.assign(context.scene, context.selected_objects, self.name.strip())
-        except LightsphereError as error:
-            return self.refuse(error)
-        return {"FINISHED"}
-
-
-class LIGHTSPHERE_OT_apply_group(Refusing, bpy.types.Operator):
-    """Give the surfaces of a group the material that was recovered, or the one back that they had"""
-
-    bl_idname = "lightsphere.apply_group"
-    bl_label = "Apply Recovered Material"
-    bl_options = {"UNDO"}
-
-    index: bpy.props.IntProperty(name="Group", description="Its number; -1: all that were recovered", default=-1)
-    revert: bpy.props.BoolProperty(name="Revert", description="Give back the materials that were there")
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Change the materials."""
-        every = [item for item in context.scene.lightsphere.groups if item.recovered]
-        chosen = every if self.index < 0 else [context.scene.lightsphere.groups[self.index]]
-        try:
-            for item in chosen:
-                if self.revert:
-                    groups.revert(item)
-                else:
-                    groups.apply(item)
-        except LightsphereError as error:
-            return self.refuse(error)
-        return {"FINISHED"}
+        comparison.show(context.scene)
 
 
 def allowed(operator: type, reason: str) -> bool:
@@ -404,11 +345,10 @@ def show(context: bpy.types.Context, run: runs.Run | None) -> None:
     """Show how far a run is in the status bar and the panels; the viewports themselves are not drawn anew."""
     words = f"{run.stage.doing}: {runs.told(run.task)[1]}   Esc stops" if run else None
     context.workspace.status_text_set(words)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            for region in area.regions:
-                if area.type == "VIEW_3D" and region.type == "UI":
-                    region.tag_redraw()
+    for _, area in windows.areas("VIEW_3D"):
+        for region in area.regions:
+            if region.type == "UI":
+                region.tag_redraw()
 
 
 CLASSES = (
@@ -426,7 +366,4 @@ CLASSES = (
     LIGHTSPHERE_OT_preset,
     LIGHTSPHERE_OT_relight_live,
     LIGHTSPHERE_OT_view_comparison,
-    LIGHTSPHERE_OT_list_groups,
-    LIGHTSPHERE_OT_assign_group,
-    LIGHTSPHERE_OT_apply_group,
 )

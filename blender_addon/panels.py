@@ -43,12 +43,13 @@ class StagePanel:
         stage, scene = STAGES[self.stage], context.scene
         if stage.foretells(scene) and not stage.lacks(scene):
             column = self.layout.column(align=True)
-            for name, preset in costs.presets(stage, scene).items():
+            presets = costs.presets(stage, scene)
+            for name, preset in presets.items():
                 words = f"{bpy.app.translations.pgettext_iface(name.title())}: {costs.told(preset)}"
                 pressed = costs.is_set(stage, scene, preset)
                 button = column.operator("lightsphere.preset", text=words, translate=False, depress=pressed)
                 button.stage, button.preset = stage.name, name
-            if not costs.presets(stage, scene):
+            if not presets:
                 column.operator("lightsphere.estimate", icon="TIME").stage = stage.name
         seconds = costs.last_time(scene, stage.name)
         if seconds is not None:

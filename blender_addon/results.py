@@ -18,7 +18,7 @@ from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
 from ..pipeline.core.shape import Shape
 from ..pipeline.core.shape.ply import read_ply
-from . import settings
+from . import settings, windows
 
 ASSET = "asset.blend"
 OWN_RIG = "scene"  # the rig setting that stands for the scene's rig object
@@ -105,16 +105,13 @@ def picture(path: Path, name: str) -> bpy.types.Image:
 
 def show_image(image: bpy.types.Image) -> None:
     """Show a whole image in every Image Editor that is open."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type != "IMAGE_EDITOR":
-                continue
-            area.spaces.active.image = image
-            region = next(region for region in area.regions if region.type == "WINDOW")
-            with bpy.context.temp_override(window=window, area=area, region=region):
-                if bpy.ops.image.view_all.poll():
-                    bpy.ops.image.view_all(fit_view=True)
-            area.tag_redraw()
+    for window, area in windows.areas("IMAGE_EDITOR"):
+        area.spaces.active.image = image
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            if bpy.ops.image.view_all.poll():
+                bpy.ops.image.view_all(fit_view=True)
+        area.tag_redraw()
 
 
 def shining(scene: bpy.types.Scene) -> list[bpy.types.Object]:

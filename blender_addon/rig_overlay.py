@@ -6,7 +6,7 @@ import bpy
 
 from ..pipeline.blender import geometry, rig
 from ..pipeline.core.errors import LightsphereError
-from . import results
+from . import results, windows
 
 INTERVAL = 0.2  # [s] between two looks at what has moved
 USUAL, CURRENT, WRONG = (1.0, 0.85, 0.4, 0.9), (1.0, 1.0, 1.0, 1.0), (1.0, 0.15, 0.1, 1.0)
@@ -44,10 +44,8 @@ def tick() -> float:
     scene = bpy.context.scene  # none while a file is opened
     if _is_dirty and scene is not None and results.rigs(scene):
         examine(scene)
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
+        for _, area in windows.areas("VIEW_3D"):
+            area.tag_redraw()
     _is_dirty = False
     return INTERVAL
 

@@ -129,11 +129,14 @@ def stop() -> None:
         running.stop()
 
 
+def busy() -> str:
+    """Return what runs and keeps all else from starting, empty when nothing does."""
+    return f"{running.stage.doing}: Esc stops it" if running is not None else ""
+
+
 def lacks(name: str, scene: bpy.types.Scene) -> str:
     """Return why a stage cannot start now, empty when it can."""
-    if running is not None:
-        return f"{running.stage.doing}: Esc stops it"
-    return STAGES[name].lacks(scene)
+    return busy() or STAGES[name].lacks(scene)
 
 
 def results_folder() -> Path:

@@ -209,6 +209,20 @@ def compared_views(scene: bpy.types.Scene) -> None:
     assert image.size[1] > 100  # with its scale
     shown.view_light, shown.view_kind = 2, "new_lights"
     assert bpy.ops.lightsphere.view_comparison() == {"FINISHED"}
+    folder = Path(bpy.path.abspath(shown.comparison_folder))
+    figures = json.loads((folder / "comparison.json").read_text())
+    fewer = {"comparisons": {"captured": figures["comparisons"]["captured"]}}  # as of photographs, which have no scene
+    (folder / "comparison.json").write_text(json.dumps(fewer))
+    assert bpy.ops.lightsphere.view_comparison() == {"FINISHED"}
+    (folder / "comparison.json").write_text("{")  # damaged
+    with pytest.raises(RuntimeError, match="no comparison is there"):
+        bpy.ops.lightsphere.view_comparison()
+    (folder / "comparison.json").write_text(json.dumps(figures))
+    (folder / "pictures").rename(folder / "elsewhere")
+    with pytest.raises(RuntimeError, match="lost its pictures"):
+        bpy.ops.lightsphere.view_comparison()
+    shown.view_light = 1  # a choice alone says nothing
+    (folder / "elsewhere").rename(folder / "pictures")
 
 
 def test_photographs_become_a_capture(scene: bpy.types.Scene, tmp_path: Path) -> None:

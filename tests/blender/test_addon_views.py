@@ -84,6 +84,15 @@ def test_a_preset_of_the_capture_takes_samples(scene: bpy.types.Scene) -> None:
     assert found["final"]["settings"]["samples"] > found["draft"]["settings"]["samples"]
 
 
+def test_a_stopped_estimate_leaves_nothing(captured: bpy.types.Scene) -> None:
+    runs, stage = part("runs"), part("stages").STAGES["shape"]
+    run = runs.Estimate(stage, captured)
+    assert runs.busy() and run.folder.is_dir()
+    run.stop()
+    assert not runs.busy() and not run.folder.exists()
+    assert part("costs").presets(stage, captured) == {}
+
+
 def test_the_mesh_shows_what_is_known_of_it(captured: bpy.types.Scene) -> None:
     data = captured.objects["shape_001"].data
     assert {"confidence", "expected_error", "depth", "normal"} <= set(data.attributes.keys())
@@ -288,7 +297,12 @@ def test_the_weight_of_a_cache_is_told(addon: None, tmp_path: Path) -> None:
 
 def test_labels_buttons_and_tooltips_are_translated(addon: None) -> None:
     words = part("translations").GERMAN
-    classes = [*part("operators").CLASSES, *part("files").CLASSES, *part("panels").CLASSES]
+    classes = [
+        *part("operators").CLASSES,
+        *part("group_operators").CLASSES,
+        *part("files").CLASSES,
+        *part("panels").CLASSES,
+    ]
     operators = [item for item in classes if issubclass(item, bpy.types.Operator)]
     labels = {item.bl_label for item in classes if hasattr(item, "bl_label")} - {"Material"}  # Blender's own word
     tips = {item.__doc__ for item in operators}
