@@ -44,8 +44,8 @@ def assign(scene: bpy.types.Scene, objects: list[bpy.types.Object], name: str) -
     listed(scene)
 
 
-def bring(scene: bpy.types.Scene, folder: Path) -> float:
-    """Read what was found of every group and append its material; nothing is applied. Return the picture's error."""
+def bring(scene: bpy.types.Scene, folder: Path) -> str:
+    """Read what was found of every group and append its material; nothing is applied. Return what to tell."""
     listed(scene)
     figures = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
     items = {item.name: item for item in scene.lightsphere.groups}
@@ -59,7 +59,9 @@ def bring(scene: bpy.types.Scene, folder: Path) -> float:
         if "material" in one:
             items[name].recovered = loaded[one["material"]]
             items[name].recovered.use_fake_user = True  # kept with the file until it is applied
-    return float(figures["rerendered_rel_rmse"])
+    words = f"{len(items)} groups; the picture is rendered but for {100 * figures['rerendered_rel_rmse']:.2g} %"
+    lamps = ", ".join(f"{lamp['name']} has {lamp['watts']:.3g} W" for lamp in figures["lamps"])
+    return f"{words}; {lamps}" if lamps else words
 
 
 def told(found: dict[str, Any]) -> str:

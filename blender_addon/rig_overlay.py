@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import time
+
 import bpy
 
 from ..pipeline.blender import geometry, rig
 from ..pipeline.core.errors import LightsphereError
 from . import results, windows
 
-INTERVAL = 0.2  # [s] between two looks at what has moved
+INTERVAL = 0.2  # [s] between two looks at whether something has moved
+STILL = 0.3  # [s] without a move after which all triangles are looked at
 USUAL, CURRENT, WRONG = (1.0, 0.85, 0.4, 0.9), (1.0, 1.0, 1.0, 1.0), (1.0, 0.15, 0.1, 1.0)
 SMALL, LARGE = 5.0, 11.0  # [px]
 
 _faults: dict[str, tuple[str, frozenset[int]]] = {}  # of each rig by its name: what is wrong, with which lights
 _handlers: list[object] = []
-_is_dirty = True
+_moved_at: float | None = 0.0  # when something last moved; None once that was looked at
 
 
 def told(item: bpy.types.Object) -> str:
@@ -39,14 +42,16 @@ def examine(scene: bpy.types.Scene) -> None:
 
 
 def tick() -> float:
-    """Look at the rigs after something has moved; called by Blender's timer."""
-    global _is_dirty
+    """Look at the rigs once what has moved stands still; called by Blender's timer."""
+    global _moved_at
     scene = bpy.context.scene  # none while a file is opened
-    if _is_dirty and scene is not None and results.rigs(scene):
+    if _moved_at is None or time.monotonic() < _moved_at + STILL:
+        return INTERVAL
+    if scene is not None and results.rigs(scene):
         examine(scene)
         for _, area in windows.areas("VIEW_3D"):
             area.tag_redraw()
-    _is_dirty = False
+    _moved_at = None
     return INTERVAL
 
 
@@ -80,8 +85,8 @@ def _dots(places: list[object], colour: tuple[float, ...], size: float) -> None:
 
 @bpy.app.handlers.persistent
 def _moved(*_: object) -> None:
-    global _is_dirty
-    _is_dirty = True
+    global _moved_at
+    _moved_at = time.monotonic()
 
 
 def register() -> None:

@@ -74,8 +74,10 @@ class Run:
             time.sleep(0.05)
 
     def stopped(self) -> str:
-        """Say what a stopped run leaves."""
-        return f"Stopped; what is finished is kept in {self.folder}"
+        """Put what a stopped run leaves into its scene, and say what that is."""
+        scene = bpy.data.scenes.get(self.scene_name)
+        left = self.stage.left(scene, self.folder) if scene else ""
+        return f"Stopped; {left or f'what is finished is kept in {self.folder}'}"
 
     def bring(self) -> str:
         """Put the ended run's result into its scene; raise LightsphereError when the worker failed."""

@@ -59,6 +59,10 @@ class Stage:
         """Put the result into the scene; return what to tell the artist."""
         raise NotImplementedError
 
+    def left(self, scene: bpy.types.Scene, folder: Path) -> str:
+        """Put what a stopped run left into the scene; return what to tell, empty where only files are left."""
+        return ""
+
     def chosen(self, scene: bpy.types.Scene) -> Any:
         """Return the settings that the scene shows."""
         return settings.absolute(settings.values(getattr(scene.lightsphere, self.name), self.settings))
@@ -244,9 +248,12 @@ class Inverse(Stage):
         return ["inverse", saved_copy(folder), picture, "-o", str(folder), *figures, *self.options(scene)]
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
-        error = groups.bring(scene, folder)
+        told = groups.bring(scene, folder)
         results.show_image(results.picture(folder / "rerendered.exr", f"{folder.name} rendered"))
-        return f"{len(scene.lightsphere.groups)} groups; the picture is rendered but for {100 * error:.2g} %"
+        return told
+
+    def left(self, scene: bpy.types.Scene, folder: Path) -> str:
+        return self.bring(scene, folder) if (folder / groups.FIGURES).is_file() else ""
 
 
 class Compare(Stage):

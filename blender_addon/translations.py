@@ -192,6 +192,9 @@ GERMAN = {
     "Budget": "Zeitbudget",
     "Target": "Ziel",
     "Levels": "Stufen",
+    "Unknown Lamps": "Unbekannte Lampen",
+    "Known": "Bekannt",
+    "Thresholds": "Schwellen",
     "Turn": "Drehung",
     "Bounces": "Reflexionen",
 }

@@ -42,7 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED
     if status == INTERRUPTED:  # typer turns an interrupt into this status
-        print("lightsphere: interrupted; what is finished is kept, the same command continues it", file=sys.stderr)
+        print(
+            "lightsphere: interrupted; what is finished is kept, the same command continues where it can",
+            file=sys.stderr,
+        )
     return int(status or 0)
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..core.brdf import Brdf
 from ..core.capture_settings import CaptureSettings
-from ..core.compare.pictures import relative_rmse
 from ..core.inverse import InverseSettings
+from ..core.inverse.estimate import noiseless_rmse
 from ..core.inverse.photograph import Photograph, prepared
 from ..core.material.fit import fit
 from ..core.material.principled import fit_principled
@@ -35,7 +35,7 @@ PATHS = ((1, 64), (2, 64), (4, 64), (plan.MOST_BOUNCES, 16), (plan.MOST_BOUNCES,
 REFERENCE_SAMPLES = 512  # of either of the two references
 LOBES = (1, 2, 3, 4, 6, 8)
 SEARCHES = ((80, 20.0, "all"), (160, 20.0, "diffuse"), (160, 20.0, "all"), (160, 60.0, "all"), (160, 180.0, "all"))
-JUDGED_SAMPLES = 128
+JUDGED_SAMPLES, JUDGED_SEEDS = 128, (2_000_000, 2_000_001)
 
 
 def of_capture(name: str) -> Work[list[Variant]]:
@@ -110,15 +110,16 @@ def _searched(name: str, picture: Picture, settings: InverseSettings) -> Work[Ro
     scene = scenes.load(name)
     scene.view_layers[0].update()
     seen = _photograph(scene, picture, settings)
-    room = Room(scene, groups.find(scene, settings.groups), seen.pixels.shape[1], seen.pixels.shape[0])
+    room = Room(scene, groups.find(scene, settings.groups), seen)
     yield from Search(room, seen, settings).run()
     return room
 
 
 def _rerendered(picture: Picture, settings: InverseSettings, room: Room) -> dict[str, float]:
     seen = _photograph(room.scene, picture, settings)
-    room.camera = camera_of(room.scene, seen.pixels.shape[1], seen.pixels.shape[0])
-    return {"rerendered_rel_rmse": relative_rmse(room.render(JUDGED_SAMPLES, 0), seen.pixels, seen.trusted)}
+    room.render_like(seen)
+    residuals = seen.pixels - np.stack([room.render(JUDGED_SAMPLES // 2, seed) for seed in JUDGED_SEEDS])
+    return {"rerendered_rel_rmse": noiseless_rmse(residuals, seen.pixels, seen.trusted)}
 
 
 def _photograph(scene: bpy.types.Scene, picture: Picture, settings: InverseSettings) -> Photograph:

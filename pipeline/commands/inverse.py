@@ -5,18 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from ..core import images
 from ..core.compare.pictures import relative_rmse
 from ..core.errors import LightsphereError
 from ..core.inverse import InverseSettings
+from ..core.inverse.estimate import noiseless_rmse
 from ..core.inverse.photograph import prepared
 from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 BLEND, PAGE = "recovered.blend", "report.html"
-FINAL_SAMPLES = 128
+FINAL_SAMPLES, STOPPED_SAMPLES = 128, 16
+FINAL_SEEDS = (2_000_000, 2_000_001)
 
 
 @settings_options(InverseSettings)
@@ -34,13 +37,16 @@ def inverse(
     The scene's own materials are not looked at: surfaces that share one are a group, and every group gets the simplest
     level that explains its pixels: diffuse, mirror, diffuse-specular, isotropic, anisotropic, or a texture. What only a
     mirror shows is found through it. Writes recovered.blend, the scene with the recovered materials as nodes, the
-    picture that it renders, and a page with what was tried, the errors and what they cost. The scene's file stays as
-    it is. Materials that do more than reflect (glass, lamps) are kept, and so is what the picture tells nothing of.
+    picture that it renders, and a page with what was tried, the errors and what they cost. Ctrl-C ends the search and
+    writes what is known by then. The scene's file stays as it is. Materials that do more than reflect (glass, lamps)
+    are kept, and so is what the picture tells nothing of.
     """
     from ..blender import scene as scenes
     from ..blender.inverse import groups
     from ..blender.inverse.room import Room
     from ..blender.inverse.solve import Search
+    from ..blender.inverse.source import Source
+    from ..blender.inverse.uses import pictures
     from ..blender.pictures import read
 
     if (output / BLEND).exists() and not overwrite:
@@ -53,25 +59,43 @@ def inverse(
         size = (loaded.render.resolution_x, loaded.render.resolution_y)
         seen = prepared(picture.pixels, picture.bits, settings.response, size, settings.resolution)
         every = groups.find(loaded, settings.groups)
-        room = Room(loaded, every, seen.pixels.shape[1], seen.pixels.shape[0])
-        search = Search(room, seen, settings)
-        found = run_with_bar(search.run(), one_bar=True)
+        room = Room(loaded, every, seen)
+        search = {"joint": Search, "source": Source}[settings.method](room, seen, settings)
+        found, stopped = _searched(search)
         figures.values.update(_figures(room, found, every))
-        shown = room.render(FINAL_SAMPLES, 0)
-        figures.values["rerendered_rel_rmse"] = relative_rmse(shown, seen.pixels, seen.trusted)
+        samples = STOPPED_SAMPLES if stopped else FINAL_SAMPLES
+        seeds = [room.render(samples // 2, seed) for seed in FINAL_SEEDS]
+        shown = np.mean(seeds, axis=0)
+        figures.values["rerendered_rel_rmse"] = noiseless_rmse(seen.pixels - np.array(seeds), seen.pixels, seen.trusted)
+        figures.values["rerendered_noise"] = relative_rmse(shown, seeds[0], seen.trusted)
         output.mkdir(parents=True, exist_ok=True)
         images.write_rgb(output / "rerendered.exr", shown.astype("float32"))
         room.restore([number for number, word in enumerate(found.seen) if word == "not at all"])
         scenes.save(output / BLEND)
         from ..report.inverse import Results, report
 
-        results = Results(Path(scene).stem, seen.pixels, shown, seen.trusted, figures.values, found.history)
+        uses = {} if stopped else run_with_bar(pictures(room))
+        results = Results(Path(scene).stem, seen.pixels, seen.trusted, figures.values, found.pictures, uses)
         images.write_text(output / PAGE, report(results))
         levels = [one["level"] for one in figures.values["groups"].values()]
         counted = ", ".join(f"{levels.count(level)} {level}" for level in dict.fromkeys(levels))
         figures.summary = (
             f"{counted}; rerendered_rel_rmse {figures.values['rerendered_rel_rmse']:.3g}; look at {output / PAGE}"
         )
+    if stopped:
+        raise KeyboardInterrupt
+
+
+def _searched(search: Any) -> tuple[Any, bool]:
+    """Return what a search found, or knew when it was stopped, and whether it was."""
+    work = search.run()
+    try:
+        return run_with_bar(work, one_bar=True), False
+    except KeyboardInterrupt:
+        work.close()
+        if (known := search.stopped()) is None:
+            raise
+        return known, True
 
 
 def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
@@ -82,7 +106,7 @@ def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
         described[group.name] = {
             **found.models[number].as_json(),
             "material": room.materials[number].name,
-            "deviation": found.deviations[number],
+            **({"known": True} if number in room.known else {"deviation": found.deviations[number]}),
             "seen": seen,
             "pixels": found.pixels[number],
             "tried": found.tried[number],
@@ -93,4 +117,4 @@ def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
         if group.kept:
             described[group.name] = {"level": "kept", "why": f"it {group.kept}"}
     cost = {"renders": room.renders, "render_seconds": room.seconds, "samples": room.samples}
-    return {"groups": described, "history": found.history, **cost}
+    return {"groups": described, "lamps": found.lamps, "history": found.history, **cost}

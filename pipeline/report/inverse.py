@@ -12,6 +12,13 @@ from numpy.typing import NDArray
 from ..core.compare.pictures import picture_error
 from . import figures, html, style
 
+STAGES = {
+    "diffuse": "Every group diffuse.",
+    "lamps": "Lamps found.",
+    "levels": "Every group at its level.",
+    "refine": "All moved together.",
+}
+
 
 @dataclass(frozen=True)
 class Results:
@@ -20,27 +27,30 @@ class Results:
     Parameters
     ----------
     name : str
-    photograph, rendered : (H, W, 3) float
+    photograph : (H, W, 3) float
         Linear radiance.
     trusted : (H, W) bool
         Pixels of the photograph that count.
     found : dict
         The command's figures.
-    history : list of dict
-        ``stage``, ``seconds`` and ``error`` after every step.
+    stages : dict of str to (H, W, 3) float
+        What was rendered when a stage ended, denoised, see STAGES.
+    uses : dict of str to (H, W, 3) float
+        Other pictures of what was found, by what they show.
     """
 
     name: str
     photograph: NDArray[Any]
-    rendered: NDArray[Any]
     trusted: NDArray[np.bool_]
     found: dict[str, Any]
-    history: list[dict[str, Any]]
+    stages: dict[str, NDArray[Any]]
+    uses: dict[str, NDArray[Any]]
 
 
 def report(r: Results) -> str:
     """Return the page."""
-    return html.page(f"Reflectances of {r.name}", [_head(r), _pictures(r), _groups(r), _cost(r)])
+    parts = [_head(r), _pictures(r), _groups(r), _lamps(r), _stages(r), _uses(r), _cost(r)]
+    return html.page(f"Reflectances of {r.name}", [part for part in parts if part])
 
 
 def _head(r: Results) -> str:
@@ -54,27 +64,69 @@ def _head(r: Results) -> str:
                 (f"{len(r.found['groups'])}", "groups"),
                 (f"{100 * r.found['rerendered_rel_rmse']:.2g} %", "rendered against the photograph"),
                 (f"{r.found['renders']}", "renders"),
-                (f"{r.history[-1]['seconds']:.0f} s", "search"),
+                (f"{r.found['history'][-1]['seconds']:.0f} s", "search"),
             ]
         )
     )
 
 
 def _pictures(r: Results) -> str:
+    rendered = list(r.stages.values())[-1]
+    high = float(np.nanpercentile(_error(r, rendered), 99.5))
     exposure = style.exposure_for(r.photograph, 98.0)
-    error = np.where(r.trusted, picture_error(r.rendered, r.photograph), np.nan)
-    high = float(np.nanpercentile(error, 99.5))
-    scale = figures.scale_bar(0.0, high, style.ERROR, "difference over the photograph's RMS")
     shown = [
-        html.figure(style.picture_png(style.display(r.photograph, exposure)), "The photograph.", "", "pixels"),
-        html.figure(
-            style.picture_png(style.display(r.rendered, exposure)), "Rendered from what was found.", "", "pixels"
-        ),
-        html.figure(
-            style.picture_png(style.mapped(error, 0.0, high, style.ERROR)), "Difference.", "", "pixels dark", scale
-        ),
+        _picture(r.photograph, exposure, "The photograph."),
+        _picture(rendered, exposure, "Rendered from what was found, denoised."),
+        _difference(r, rendered, "Difference.", high),
     ]
     return html.section("The picture", html.row(shown))
+
+
+def _picture(pixels: NDArray[Any], exposure: float, words: str) -> str:
+    shown = style.display(pixels, exposure)
+    return html.figure(style.picture_png(shown), words, "", "pixels")
+
+
+def _difference(r: Results, pixels: NDArray[Any], words: str, high: float) -> str:
+    scale = figures.scale_bar(0.0, high, style.ERROR, "difference over the photograph's RMS")
+    shown = style.mapped(_error(r, pixels), 0.0, high, style.ERROR)
+    return html.figure(style.picture_png(shown), words, "", "pixels dark", scale)
+
+
+def _error(r: Results, pixels: NDArray[Any]) -> NDArray[np.float64]:
+    return np.where(r.trusted, picture_error(pixels, r.photograph), np.nan)
+
+
+def _stages(r: Results) -> str:
+    """Show what the picture lacked after every stage but the last, on the scale of the first."""
+    kept = {STAGES[name]: pixels for name, pixels in list(r.stages.items())[:-1]}
+    if not kept:
+        return ""
+    exposure = style.exposure_for(r.photograph, 98.0)
+    high = float(np.nanpercentile(_error(r, next(iter(kept.values()))), 99.0))
+    rows = [
+        html.row([_picture(pixels, exposure, words), _difference(r, pixels, "Difference.", high)])
+        for words, pixels in kept.items()
+    ]
+    return html.section("How it was found", *rows)
+
+
+def _uses(r: Results) -> str:
+    if not r.uses:
+        return ""
+    shown = [_picture(pixels, style.exposure_for(pixels, 98.0), words) for words, pixels in r.uses.items()]
+    words = "Rendered from what was found, denoised. Open recovered.blend and do as you like."
+    return html.section("What it is good for", html.row(shown), html.text(words, "soft"))
+
+
+def _lamps(r: Results) -> str:
+    if not r.found["lamps"]:
+        return ""
+    rows = [
+        [lamp["name"], f"{lamp['watts']:.4g}", f"{100 * lamp['deviation']:.2g} %" if lamp["deviation"] else ""]
+        for lamp in r.found["lamps"]
+    ]
+    return html.section("What lamps were unknown", html.table(("lamp", "power", "uncertainty"), rows, ()))
 
 
 def _groups(r: Results) -> str:
@@ -106,7 +158,7 @@ def _row(name: str, one: dict[str, Any]) -> list[str]:
         slopes += f", {one['angle']:.0f}°"
     spread = [value for kind in ("diffuse", "specular") for value in one.get("deviation", {}).get(kind, ())]
     uncertain = f"{100 * max(spread):.2g} %" if spread else ""
-    seen = one.get("why") or f"{one['seen']}, {one['pixels']} pixels"
+    seen = one.get("why") or f"{one['seen']}, {one['pixels']} pixels" + (", known" if one.get("known") else "")
     diffuse = "texture" if one["level"] == "texture" else colour("rho_d")
     return [name, one["level"], diffuse, colour("rho_s"), slopes, uncertain, seen]
 
@@ -114,11 +166,13 @@ def _row(name: str, one: dict[str, Any]) -> list[str]:
 def _cost(r: Results) -> str:
     figure = Figure(figsize=(6.4, 2.9))
     axes = figure.add_subplot()
-    seconds = [one["seconds"] for one in r.history]
-    axes.plot(seconds, [max(100 * one["error"], 1e-2) for one in r.history], color=style.LINE, linewidth=1.2)
-    for stage, colour in (("diffuse", style.SOFT), ("levels", style.WARM), ("refine", style.ACCENT)):
-        places = [(one["seconds"], max(100 * one["error"], 1e-2)) for one in r.history if one["stage"] == stage]
-        axes.plot(*np.array(places).reshape(-1, 2).T, "o", color=colour, markersize=5, label=stage)
+    history = r.found["history"]
+    seconds = [one["seconds"] for one in history]
+    axes.plot(seconds, [max(100 * one["error"], 1e-2) for one in history], color=style.LINE, linewidth=1.2)
+    colours = {"diffuse": style.SOFT, "lamps": style.INK, "levels": style.WARM, "refine": style.ACCENT}
+    for stage in dict.fromkeys(one["stage"] for one in history):
+        places = [(one["seconds"], max(100 * one["error"], 1e-2)) for one in history if one["stage"] == stage]
+        axes.plot(*np.array(places).reshape(-1, 2).T, "o", color=colours[stage], markersize=5, label=stage)
     axes.set_yscale("log")
     axes.grid(color=style.LINE, linewidth=0.6)
     axes.set_xlabel("seconds")

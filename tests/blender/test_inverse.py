@@ -13,7 +13,9 @@ import pytest
 from pipeline import cli
 from pipeline.blender import cycles, exr
 from pipeline.blender import scene as scenes
+from pipeline.blender.inverse.solve import Search
 from pipeline.core import images
+from pipeline.core.inverse import Model
 from scenes import colour_box
 
 TRUE = {
@@ -24,12 +26,13 @@ TRUE = {
     "Tall": colour_box.TALL,
     "Short": colour_box.SHORT,
 }
+SIDE = 8.0  # power of the second lamp [W]
 WITHIN = 0.08  # of reflectances, from 40x30 pixels in a few seconds: dim colours are the least certain
 
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The box as a .blend whose materials say nothing, and its picture; with a hidden and a shining thing in it."""
+    """The box, its materials and one lamp wrong, with a hidden and a shining thing in it; and its true picture."""
     made = tmp_path_factory.mktemp("box")
     scene = scenes.load("colour-box")
     scene.render.resolution_x, scene.render.resolution_y = 40, 30
@@ -40,6 +43,9 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if bpy.app.version < (5, 0):
         shining.use_nodes = True
     shining.node_tree.nodes.new("ShaderNodeEmission")
+    side = bpy.data.objects.new("Side", bpy.data.lights.new("Side", "POINT"))
+    side.data.energy, side.data.shadow_soft_size, side.location = SIDE, 0.1, (-0.5, -0.6, 0.6)
+    scene.collection.objects.link(side)
     bpy.context.object.data.materials.append(shining)
     scene.cycles.samples, scene.cycles.seed, scene.cycles.use_adaptive_sampling = 1024, 99, False
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 24
@@ -50,6 +56,7 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for node in material.node_tree.nodes if material.node_tree else ():
             if node.type == "BSDF_DIFFUSE":
                 node.inputs["Color"].default_value = (0.9, 0.1, 0.9, 1)
+    side.data.energy = 4 * SIDE
     bpy.ops.wm.save_as_mainfile(filepath=str(made / "box.blend"))
     return made
 
@@ -58,7 +65,8 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def found(box: Path) -> dict[str, Any]:
     before = (box / "box.blend").read_bytes()
     words = ["inverse", str(box / "box.blend"), str(box / "photograph.exr"), "-o", str(box / "out")]
-    assert cli.main([*words, "--json", str(box / "found.json"), "--budget", "25"]) == 0
+    words += ["--json", str(box / "found.json"), "--budget", "25", "--unknown-lamps", "Side"]
+    assert cli.main(words) == 0
     assert (box / "box.blend").read_bytes() == before
     figures: dict[str, Any] = json.loads((box / "found.json").read_text())
     return figures
@@ -74,6 +82,61 @@ def test_every_wall_has_its_reflectance(found: dict[str, Any]) -> None:
     assert found["groups"]["Red"]["rho_d"] != pytest.approx(colour_box.GREEN, rel=0.5)
     assert found["renders"] > 10
     assert found["history"][-1]["error"] < 0.5 * found["history"][0]["error"]
+
+
+def test_the_lamp_has_its_power(found: dict[str, Any], box: Path) -> None:
+    (lamp,) = found["lamps"]
+    assert lamp["name"] == "Side"
+    assert lamp["watts"] == pytest.approx(SIDE, rel=WITHIN)  # 4 times as much in the file
+    assert 0 < lamp["deviation"] < WITHIN
+    scenes.load(str(box / "out" / "recovered.blend"))
+    assert bpy.data.lights["Side"].energy == pytest.approx(lamp["watts"])
+
+
+def test_error_bars_come_however_short_the_budget(box: Path, tmp_path: Path) -> None:
+    words = ["inverse", str(box / "box.blend"), str(box / "photograph.exr"), "-o", str(tmp_path)]
+    known = "White=" + ",".join(map(str, colour_box.WHITE))
+    words += ["--json", str(tmp_path / "found.json"), "--budget", "1", "--known", known]
+    assert cli.main(words) == 0
+    groups = json.loads((tmp_path / "found.json").read_text())["groups"]
+    assert groups["White"]["known"] and groups["White"]["rho_d"] == pytest.approx(colour_box.WHITE)
+    for name in TRUE.keys() - {"White"}:
+        assert min(groups[name]["deviation"]["diffuse"]) > 0
+
+
+@pytest.mark.slow
+def test_the_sources_own_method_goes_by_ratios(box: Path, tmp_path: Path) -> None:
+    scenes.load(str(box / "box.blend"))
+    bpy.data.lights["Side"].energy = SIDE  # it takes lamps as known
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lit.blend"))
+    words = ["inverse", str(tmp_path / "lit.blend"), str(box / "photograph.exr"), "-o", str(tmp_path)]
+    words += ["--json", str(tmp_path / "found.json"), "--method", "source", "--levels", "diffuse", "--budget", "20"]
+    assert cli.main(words) == 0
+    source = json.loads((tmp_path / "found.json").read_text())
+    for name, rho in TRUE.items():
+        assert source["groups"][name]["rho_d"] == pytest.approx(rho, rel=WITHIN), name
+        assert not source["groups"][name]["deviation"]  # it has no account of noise
+
+
+def test_an_interrupted_search_writes_what_it_knows(
+    box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(search: Search) -> Any:
+        search.room.show(0, Model("diffuse", np.full(3, 0.123), np.zeros(3)))  # amid a trial
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(Search, "_levels", interrupted)
+    words = ["inverse", str(box / "box.blend"), str(box / "photograph.exr"), "-o", str(tmp_path)]
+    words += ["--json", str(tmp_path / "found.json"), "--unknown-lamps", "Side"]
+    assert cli.main(words) == 130
+    assert "interrupted" in capsys.readouterr().err
+    groups = json.loads((tmp_path / "found.json").read_text())["groups"]
+    for name, rho in TRUE.items():
+        assert groups[name]["level"] == "diffuse"
+        assert groups[name]["rho_d"] != pytest.approx([0.123] * 3)
+        assert groups[name]["rho_d"] == pytest.approx(rho, rel=0.5)
+    assert (tmp_path / "recovered.blend").is_file() and (tmp_path / "report.html").is_file()
 
 
 def test_what_the_picture_does_not_tell_is_kept_and_said(found: dict[str, Any], box: Path) -> None:
@@ -97,10 +160,14 @@ def test_the_recovered_file_renders_the_photograph(found: dict[str, Any], box: P
     assert np.abs(again - photograph).mean() < 0.08 * photograph.mean()
     assert found["rerendered_rel_rmse"] < 0.08
     page = (box / "out" / "report.html").read_text()
-    assert "What each group reflects" in page and "Tall" in page
+    for words in ("What each group reflects", "Every group diffuse", "A mirror ball put in", "taken away", "Side"):
+        assert words in page
 
 
-@pytest.mark.parametrize("fault", ["aspect", "dark scene", "nothing", "exists", "no picture"])
+@pytest.mark.parametrize(
+    "fault",
+    ["aspect", "dark scene", "nothing", "exists", "no picture", "no such group", "no such lamp", "source", "limits"],
+)
 def test_bad_input_is_told_on_one_line(
     box: Path, found: dict[str, Any], fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,14 +178,24 @@ def test_bad_input_is_told_on_one_line(
         "nothing": "no surface that only reflects",
         "exists": "--overwrite",
         "no picture": "missing",
+        "no such group": "there is no group 'Sky'; there are",
+        "no such lamp": "there is no lamp 'Sun'; there are",
+        "source": "takes all lamps as known",
+        "limits": "write four numbers",
     }[fault]
+    more = {
+        "no such group": ["--known", "Sky=.5,.5,.5"],
+        "no such lamp": ["--unknown-lamps", "Sun"],
+        "source": ["--unknown-lamps", "Side", "--method", "source"],
+        "limits": ["--thresholds", "5, 50", "--method", "source"],
+    }.get(fault, [])
     if fault == "aspect":
         images.write_rgb(picture := tmp_path / "tall.exr", np.ones((40, 30, 3), np.float32))
     elif fault == "no picture":
         picture = tmp_path / "none.exr"
     elif fault == "exists":
         out = box / "out"
-    else:
+    elif not more:
         scene = scenes.load(str(box / "box.blend"))
         for item in list(scene.objects):
             shines = any(slot.material.name == "Shining" for slot in item.material_slots if slot.material)
@@ -128,7 +205,7 @@ def test_bad_input_is_told_on_one_line(
                 bpy.data.objects.remove(item)
         bpy.ops.wm.save_as_mainfile(filepath=str(blend := tmp_path / "other.blend"))
         capsys.readouterr()
-    assert cli.main(["inverse", str(blend), str(picture), "-o", str(out)]) == 2
+    assert cli.main(["inverse", str(blend), str(picture), "-o", str(out), *more]) == 2
     told = capsys.readouterr().err.strip()
     assert said in told
     assert len(told.splitlines()) == 1

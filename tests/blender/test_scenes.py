@@ -14,6 +14,7 @@ from pipeline.blender import scene as scenes
 from pipeline.blender.inverse import groups
 from pipeline.blender.inverse.room import Room
 from pipeline.core.inside import winding_number
+from pipeline.core.inverse.photograph import Photograph
 
 NAMES = sorted(name for name, entry in scenes.library().items() if not entry.room)
 ROOMS = sorted(set(scenes.library()) - set(NAMES))
@@ -85,7 +86,7 @@ def test_a_room_has_lamps_and_a_camera_that_sees_every_group_or_a_mirror_of_it(n
     scene.view_layers[0].update()
     assert [item.type for item in scene.objects].count("LIGHT") == 1
     assert (scene.render.resolution_x, scene.render.resolution_y) == (160, 120)
-    room = Room(scene, groups.find(scene, "materials"), 160, 120)
+    room = Room(scene, groups.find(scene, "materials"), Photograph(np.zeros((120, 160, 3)), np.ones((120, 160), bool)))
     index, uv = room.layers_of_pixels()
     unseen = {group.name for number, group in enumerate(room.groups) if not (index == number).any()}
     assert unseen == ({"Cube back"} if name == "desk-room" else set())

@@ -50,7 +50,7 @@ def photograph(scene: bpy.types.Scene) -> np.ndarray:
     transport = cycles.Transport(ALL_LIGHT, samples=1024)
     with (
         cycles.measuring(scene, camera_of(scene, WIDTH, HEIGHT), transport, seed=77),
-        cycles.changed(scene.cycles, {"pixel_filter_type": "BOX", "filter_width": 1.0, "min_light_bounces": 8}),
+        cycles.changed(scene.cycles, {"filter_width": 1.5, "min_light_bounces": 8}),
         cycles.openexr(scene),
         tempfile.TemporaryDirectory() as folder,
     ):
@@ -62,7 +62,7 @@ def run() -> list[Outcome]:
     scene = box()
     settings = InverseSettings(resolution=WIDTH, budget=BUDGET)
     seen = prepared(photograph(scene), 32, "linear", (WIDTH, HEIGHT), WIDTH)
-    room = Room(scene, groups.find(scene, settings.groups), WIDTH, HEIGHT)
+    room = Room(scene, groups.find(scene, settings.groups), seen)
     found = finish(Search(room, seen, settings).run())
     outcomes = []
     for group, model in zip(room.groups, found.models, strict=True):

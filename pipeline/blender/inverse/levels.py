@@ -3,24 +3,50 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import LEVELS, MOST, SHARP, Model
-from ...core.inverse.estimate import Fit, better, combined
+from ...core.inverse import FREE, LEVELS, MOST, SHARP, STEPS, Model, moved
+from ...core.inverse.estimate import Fit, better, combined, newton
 from ...core.progress import Progress, Work
 from .room import Room
 
 Array = NDArray[np.float64]
 SLOPES = (0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
 ANGLES = np.arange(0.0, 180.0, 30.0)
-RATIO = 4.0  # at which angles are scanned
+RATIO, WIDER = 4.0, 1.6  # at which angles are scanned, and factor between the slopes at which they are
+SHAPES = ("alpha", "ratio", "angle")
+LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, degrees
+STEPS_DOWN, DAMPING = 5, 1e-3
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
+CLOSER, FINAL = 2, 4  # times as many by which the best lobes are moved, and the best of every level compared
+AGAIN = 10_000  # seeds apart
 HALF = 0.5  # reflectance of the pictures that are combined
+WHITE = Model("diffuse", np.full(3, HALF), np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A model of a group and what it explains."""
+
+    model: Model
+    fit: Fit
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the level and the relative error it leaves."""
+        return {"level": self.model.level, "error": float(np.sqrt(max(self.fit.error, 0.0)))}
+
+
+def simplest(tried: list[Tried]) -> Tried:
+    """Return the simplest model that explains a group as well as any."""
+    best = min((one.fit for one in tried), key=lambda fit: fit.error)
+    return next(one for one in tried if not better(one.fit, best, WORTH))
 
 
 def examined(
@@ -29,12 +55,17 @@ def examined(
     mask: NDArray[np.bool_],
     photograph: Array,
     weight: Array,
-    most: int,
-    seed: int,
+    most: str,
+    seeds: tuple[int, int],
+    choose: Callable[[list[Tried]], Tried] = simplest,
+    denoised: bool = False,
 ) -> Work[tuple[Model, list[dict[str, Any]]]]:
-    """Return the simplest model that explains a group as well as any, and what was tried, diffuse first.
+    """Return the model of a group that is chosen of the best of every level, and what was tried, diffuse first.
 
-    The group's own pixels are linear in its reflectances as long as the light that reaches it stays as it is.
+    The lobe that the group has is among those that are tried.
+    The group's own pixels are linear in its reflectances as long as the light that reaches it stays as it is. The best
+    of every level are rendered anew with more samples before they are moved or compared: of many that noise makes
+    differ, the one that won looks better than it is.
 
     Parameters
     ----------
@@ -44,78 +75,127 @@ def examined(
     mask : (H, W) bool
         Its pixels.
     photograph, weight : (H, W, 3) float64
-    most : int
+    most : str
         The richest of LEVELS that is tried.
-    seed : int
+    seeds : (int, int)
+        Of the renders; two that are the same give least squares.
+    choose : callable
+        From the best of every level, the simplest first.
+    denoised : bool
+        Whether pictures are; noise is then no longer independent of the seed.
     """
-    samples = int(np.clip(ENOUGH / mask.sum(), *SAMPLES))
-
-    def shown(model: Model) -> Array:
-        with room.trying(number, model):
-            return np.stack([room.pixels(mask, samples, 2 * seed + s + 100_000, True) for s in range(2)]) / HALF
-
-    def fitted(*bases: Array) -> Fit:
-        return combined(np.stack(bases, axis=1), photograph[mask], weight[mask])
-
-    def glossy(alpha: float, ratio: float = 1.0, angle: float = 0.0) -> Model:
-        return Model("anisotropic", np.zeros(3), np.full(3, HALF), alpha, ratio, angle)
-
-    diffuse = shown(Model("diffuse", np.full(3, HALF), np.zeros(3)))
-    found: list[tuple[str, Model, Fit]] = []
-
-    def keep(level: str, lobe: Model, fit: Fit) -> None:
-        rho_d, rho_s = fit.factors if len(fit.factors) == 2 else (np.zeros(3), fit.factors[0])
-        found.append((level, dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=rho_s), fit))
-
-    plain = fitted(diffuse)
-    found.append(("diffuse", Model("diffuse", plain.factors[0], np.zeros(3)), plain))
-    yield Progress("levels", 1, 2)
-    if most >= LEVELS.index("mirror"):
-        sharp = shown(glossy(SHARP))
-        keep("mirror", glossy(SHARP), fitted(sharp))
-        if most >= LEVELS.index("diffuse-specular"):
-            keep("diffuse-specular", glossy(SHARP), fitted(diffuse, sharp))
+    group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
+    levels = LEVELS[: LEVELS.index(most) + 1]
+    diffuse = group.shown(WHITE)
+    lobes: dict[str, Model] = {level: _glossy(SHARP) for level in ("mirror", "diffuse-specular") if level in levels}
+    if "isotropic" in levels:
+        now = room.models[number]
+        known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
+        best, fit = yield from group.best(diffuse, [*map(_glossy, SLOPES), *(one for one in known if one.ratio == 1)])
+        plain, sharp = group.fitted(diffuse), group.fitted(diffuse, group.shown(_glossy(SHARP)))
+        has_lobe = better(plain, fit, WORTH) and fit.error < sharp.error
+        if has_lobe:
+            best = yield from group.anew(1, CLOSER).descended(best, ("alpha",))
+        lobes["isotropic"] = best
+        if "anisotropic" in levels and has_lobe:
+            slopes = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
+            trials = [_glossy(alpha, RATIO, float(angle)) for alpha in slopes for angle in ANGLES]
+            brushed, _ = yield from group.best(diffuse, [*trials, *(one for one in known if one.ratio > 1)])
+            brushed = yield from group.anew(1, CLOSER).descended(brushed, SHAPES)
+            lobes |= {"anisotropic": brushed} if brushed.ratio > 1 else {}
+    group = group.anew(2, FINAL)
+    diffuse = group.shown(WHITE)
+    fit = group.fitted(diffuse)
+    tried = [Tried(Model("diffuse", _within(fit.factors[0]), np.zeros(3)), fit)]
+    shown = diffuse
+    for level, lobe in lobes.items():
+        if level != "diffuse-specular":  # its lobe is the mirror's
+            shown = group.shown(lobe)
+        fit = group.fitted(shown) if level == "mirror" else group.fitted(diffuse, shown)
+        rho_d = np.zeros(3) if level == "mirror" else _within(fit.factors[0])
+        tried.append(
+            Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=_within(fit.factors[-1])), fit)
+        )
         yield Progress("levels", 1, 2)
-    if most >= LEVELS.index("isotropic"):
+    return choose(tried).model, [one.as_json() for one in tried]
+
+
+@dataclass(frozen=True)
+class _Group:
+    """A group's pixels in the photograph, and rendered with models of it."""
+
+    room: Room
+    number: int
+    mask: NDArray[np.bool_]
+    photograph: Array
+    weight: Array
+    seeds: tuple[int, int]
+    denoised: bool
+    times: int = 1
+
+    def shown(self, model: Model) -> Array:
+        """Return pictures (2, P, 3) of a model, as they are at reflectance 1."""
+        samples = self.times * int(np.clip(ENOUGH / self.mask.sum(), *SAMPLES))
+        with self.room.trying(self.number, model):
+            shown = {s: self.room.pixels(self.mask, samples, s, True, self.denoised) for s in set(self.seeds)}
+        return np.stack([shown[seed] for seed in self.seeds]) / HALF
+
+    def anew(self, number: int, times: int) -> _Group:
+        """Return the same with other seeds and so many times the samples."""
+        return dataclasses.replace(self, seeds=tuple(seed + number * AGAIN for seed in self.seeds), times=times)
+
+    def fitted(self, *bases: Array) -> Fit:
+        return combined(np.stack(bases, axis=1), self.photograph, self.weight)
+
+    def best(self, diffuse: Array, lobes: Iterable[Model]) -> Work[tuple[Model, Fit]]:
+        """Return the lobe that explains most beside a diffuse part."""
         tried = []
-        for alpha in SLOPES:
-            tried.append((glossy(alpha), fitted(diffuse, shown(glossy(alpha)))))
+        for lobe in lobes:
+            tried.append((lobe, self.fitted(diffuse, self.shown(lobe))))
             yield Progress("levels", 1, 2)
-        lobe, fit = min(tried, key=lambda pair: pair[1].error)
-        keep("isotropic", lobe, fit)
-    if most >= LEVELS.index("anisotropic") and better(found[0][2], fit, WORTH):
-        tried = [(lobe, fit)]
-        trials = [(lobe.alpha, RATIO, float(angle)) for angle in ANGLES]
-        for stage in range(3):
-            for alpha, ratio, angle in trials:
-                candidate = glossy(alpha, ratio, angle % 180)
-                tried.append((candidate, fitted(diffuse, shown(candidate))))
+        return min(tried, key=lambda pair: pair[1].error)
+
+    def descended(self, lobe: Model, kinds: Sequence[str]) -> Work[Model]:
+        """Return the lobe that steps of Gauss and Newton lead to, each taken only if it leaves less unexplained.
+
+        Reflectances are solved for at every step. Seeds stay the same, so that the error is a smooth function of the
+        lobe.
+        """
+        diffuse, picture = self.shown(WHITE), self.shown(lobe)
+        fit, damping = self.fitted(diffuse, picture), DAMPING
+        changes: list[Array] = []
+        for _ in range(STEPS_DOWN):
+            for kind in () if changes else kinds:
+                changes.append((self.shown(moved(lobe, kind, STEPS[kind])) - picture) / STEPS[kind])
                 yield Progress("levels", 1, 2)
-            best, fit = min(tried, key=lambda pair: pair[1].error)
-            if best.ratio == 1:
-                break
-            near = 15.0 if stage == 0 else 7.5
-            trials = [
-                (best.alpha, best.ratio, best.angle - near),
-                (best.alpha, best.ratio, best.angle + near),
-                (best.alpha, best.ratio * 1.5, best.angle),
-                (best.alpha, best.ratio / 1.5, best.angle),
-                (best.alpha * 1.25, best.ratio, best.angle),
-                (best.alpha / 1.25, best.ratio, best.angle),
-            ]
-        if best.ratio > 1:
-            keep("anisotropic", best, fit)
-    best_fit = min((fit for *_, fit in found), key=lambda fit: fit.error)
-    chosen = next(entry for entry in found if not better(entry[2], best_fit, WORTH))
-    tried_levels = [{"level": level, "error": _relative(fit)} for level, _, fit in found]
-    return _bounded(chosen[1]), tried_levels
+            by = self._step(diffuse, picture, fit, changes, damping)
+            candidate = lobe
+            for kind, value in zip(kinds, by, strict=True):
+                candidate = moved(candidate, kind, np.clip(value, -LONGEST[kind], LONGEST[kind]))
+            there = self.shown(candidate)
+            found = self.fitted(diffuse, there)
+            if found.error < fit.error:
+                lobe, picture, fit, damping, changes = candidate, there, found, damping / 10, []
+            else:
+                damping *= 30
+        return lobe
+
+    def _step(self, diffuse: Array, picture: Array, fit: Fit, changes: list[Array], damping: float) -> Array:
+        """Return the Gauss-Newton step of a lobe's shape beside that of both reflectances."""
+        rho_d, rho_s = fit.factors
+        columns = [
+            one[..., colour : colour + 1] * np.eye(3)[colour] for one in (diffuse, picture) for colour in range(3)
+        ]
+        columns += [change * rho_s for change in changes]
+        residuals = self.photograph - rho_d * diffuse - rho_s * picture
+        jacobians = np.stack([column.reshape(2, -1) for column in columns], axis=1)
+        step, _ = newton(jacobians, residuals.reshape(2, -1), self.weight.ravel(), damping, same_seeds=True)
+        return step[6:]
 
 
-def _relative(fit: Fit) -> float:
-    return float(np.sqrt(max(fit.error, 0.0)))
+def _glossy(alpha: float, ratio: float = 1.0, angle: float = 0.0) -> Model:
+    return Model("anisotropic", np.zeros(3), np.full(3, HALF), alpha, ratio, angle)
 
 
-def _bounded(model: Model) -> Model:
-    return dataclasses.replace(
-        model, diffuse=np.minimum(model.diffuse, MOST), specular=np.minimum(model.specular, MOST)
-    )
+def _within(reflectance: Array) -> Array:
+    return np.minimum(reflectance, MOST)

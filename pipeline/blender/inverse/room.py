@@ -6,6 +6,7 @@ import contextlib
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import LightsphereError
-from ...core.inverse import MOST, Model, grey
+from ...core.inverse import MOST, POWER, Model, grey, moved
+from ...core.inverse.photograph import Photograph
 from .. import cycles, exr
 from ..camera import camera_of
 from . import closures
@@ -23,8 +25,19 @@ from .groups import Group
 MOST_BOUNCES = 1024  # what matters ends before, by chance, as its light fades
 STEADY_BOUNCES = (6, 64)
 LEFT_OUT = 0.25  # share of the light that steady pictures may leave out: they give derivatives alone
+BOX = {"pixel_filter_type": "BOX", "filter_width": 1.0}
 Array = NDArray[np.float64]
+Texture = NDArray[np.float32]
 Crop = tuple[int, int, int, int]  # rows from, to, columns from, to
+
+
+@dataclass(frozen=True)
+class State:
+    """What groups and lamps show at a time."""
+
+    models: tuple[Model, ...]
+    textures: tuple[Texture | None, ...]
+    powers: tuple[float, ...]
 
 
 class Room:
@@ -36,18 +49,33 @@ class Room:
         Those whose reflectance is looked for.
     models : list of Model
         What they show.
+    textures : list of (H, W, 3) float32 or None
+        What their diffuse reflectances are multiplied with.
+    lamps : list of Object
+        The scene's lamps, those of shared data once.
+    watts, powers : list of float
+        Their power in the scene, and by what it is multiplied now.
+    free_lamps : list of int
+        Those whose power is looked for.
+    known : dict of int to (3,) float64
+        Groups whose reflectance is known.
     renders, samples, seconds
         What rendering has cost: pictures, samples of light in all, time.
     """
 
-    def __init__(self, scene: bpy.types.Scene, groups: list[Group], width: int, height: int) -> None:
+    def __init__(self, scene: bpy.types.Scene, groups: list[Group], photograph: Photograph) -> None:
         """Give every group that is looked for a grey material; the scene's other materials stay."""
-        lamps = any(item.type == "LIGHT" and not item.hide_render for item in scene.objects)
-        if not lamps and scene.world is None and not any(group.kept == "shines" for group in groups):
+        lit = {item.data.name: item for item in scene.objects if item.type == "LIGHT" and not item.hide_render}
+        self.lamps = list(lit.values())
+        if not self.lamps and scene.world is None and not any(group.kept == "shines" for group in groups):
             raise LightsphereError(f"the scene {scene.name!r} has no light; add the lights of the photograph")
         self.scene = scene
+        self.watts = [item.data.energy for item in self.lamps]
+        self.powers = [1.0] * len(self.lamps)
+        self.free_lamps: list[int] = []
+        self.known: dict[int, Array] = {}
         self.groups = [group for group in groups if not group.kept]
-        self.camera = camera_of(scene, width, height)
+        self.render_like(photograph)
         self.renders, self.samples, self.seconds = 0, 0.0, 0.0
         self.original = [[item.material_slots[n].material for item, n in group.slots] for group in self.groups]
         self.layers = [_uv_layer(group) for group in self.groups]
@@ -59,13 +87,51 @@ class Room:
             for item, slot in group.slots:
                 item.material_slots[slot].material = self.materials[-1]
         self.models: list[Model] = [grey()] * len(self.groups)
+        self.textures: list[Texture | None] = [None] * len(self.groups)
         for number in range(len(self.groups)):
             self.show(number, grey())
+
+    def render_like(self, photograph: Photograph) -> None:
+        """Let pictures have a photograph's size and pixels.
+
+        These have the scene's own filter where they are not means over squares: by another filter, edges and highlights
+        differ by more than a wrong reflectance does.
+        """
+        height, width = photograph.trusted.shape
+        self.camera = camera_of(self.scene, width, height)
+        own = {name: getattr(self.scene.cycles, name) for name in BOX}
+        self.filter: dict[str, Any] = BOX if photograph.averaged else own
 
     def show(self, number: int, model: Model) -> None:
         """Let a group show a model."""
         self.models[number] = model
         closures.show(self.materials[number], model)
+
+    def power(self, number: int, factor: float) -> None:
+        """Let a lamp shine by a factor of what it does in the scene."""
+        self.powers[number] = factor
+        data, watts = self.lamps[number].data, self.watts[number]
+        data.energy = factor * watts
+
+    def move(self, number: int, kind: str, by: Array | float) -> None:
+        """Move a group's parameter, see :func:`pipeline.core.inverse.moved`, or a lamp's power by a factor exp(by)."""
+        if kind == POWER:
+            self.power(number, self.powers[number] * float(np.exp(np.mean(by))))
+        else:
+            self.show(number, moved(self.models[number], kind, by))
+
+    @contextlib.contextmanager
+    def moving(self, number: int, kind: str, by: float) -> Iterator[None]:
+        """Move a parameter for a while."""
+        before = self.powers[number] if kind == POWER else self.models[number]
+        self.move(number, kind, by)
+        try:
+            yield
+        finally:
+            if isinstance(before, Model):
+                self.show(number, before)
+            else:
+                self.power(number, before)
 
     @contextlib.contextmanager
     def trying(self, number: int, model: Model) -> Iterator[None]:
@@ -77,19 +143,46 @@ class Room:
         finally:
             self.show(number, before)
 
+    def alone(self, number: int | None, samples: int, seed: int) -> Array:
+        """Render with no lamp but one, or none: what else shines stays."""
+        before = list(self.powers)
+        try:
+            for other in range(len(self.lamps)):
+                self.power(other, 1.0 if other == number else 0.0)
+            return self.render(samples, seed)
+        finally:
+            for other, factor in enumerate(before):
+                self.power(other, factor)
+
+    def state(self) -> State:
+        """Return what all groups and lamps show now."""
+        return State(tuple(self.models), tuple(self.textures), tuple(self.powers))
+
+    def set(self, state: State) -> None:
+        """Show an earlier state."""
+        for number, (model, texture) in enumerate(zip(state.models, state.textures, strict=True)):
+            self.show(number, model)
+            if texture is not self.textures[number]:
+                self.paint(number, texture)
+        for number, factor in enumerate(state.powers):
+            self.power(number, factor)
+
     def restore(self, numbers: Sequence[int]) -> None:
         """Give groups the materials back that they had."""
         for number in numbers:
             for (item, slot), material in zip(self.groups[number].slots, self.original[number], strict=True):
                 item.material_slots[slot].material = material
 
-    def paint(self, number: int, texture: NDArray[np.float32] | None) -> None:
+    def paint(self, number: int, texture: Texture | None) -> None:
         """Give a group a texture (H, W, 3) of diffuse reflectances, or take it away."""
+        self.textures[number] = texture
         closures.paint(self.materials[number], self.groups[number].name, texture, self.layers[number])
         self.show(number, self.models[number])
 
-    def render(self, samples: int, seed: int, steady: bool = False, crop: Crop | None = None) -> Array:
-        """Render, (H, W, 3) or the crop of it.
+    def render(
+        self, samples: int, seed: int, steady: bool = False, crop: Crop | None = None, denoised: bool = False
+    ) -> Array:
+        """Render, (H, W, 3) or the crop of it; denoised is for the eye alone.
 
         In steady pictures no path ends by chance, so that those of one seed differ by what was changed alone; they
         leave late bounces out, see :meth:`count_bounces`. The others have all light.
@@ -98,6 +191,7 @@ class Room:
         transport = cycles.Transport(self.steady_bounces if steady else MOST_BOUNCES, samples=samples)
         with (
             self._measuring(transport, seed, steady, crop),
+            cycles.changed(self.scene.cycles, {"use_denoising": denoised}),
             cycles.openexr(self.scene),
             tempfile.TemporaryDirectory() as folder,
         ):
@@ -109,11 +203,13 @@ class Room:
         self.seconds += time.perf_counter() - start
         return picture
 
-    def pixels(self, mask: NDArray[np.bool_], samples: int, seed: int, steady: bool = False) -> Array:
+    def pixels(
+        self, mask: NDArray[np.bool_], samples: int, seed: int, steady: bool = False, denoised: bool = False
+    ) -> Array:
         """Render no more than holds a mask; return its pixels (P, 3)."""
         rows, columns = (np.nonzero(mask.any(axis=axis))[0] for axis in (1, 0))
         top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-        return self.render(samples, seed, steady, (top, bottom, left, right))[mask[top:bottom, left:right]]
+        return self.render(samples, seed, steady, (top, bottom, left, right), denoised)[mask[top:bottom, left:right]]
 
     def layers_of_pixels(self) -> tuple[NDArray[np.int64], Array]:
         """Return which group each pixel shows (H, W), -1 for none, and its texture coordinates (H, W, 2)."""
@@ -145,12 +241,8 @@ class Room:
 
     @contextlib.contextmanager
     def _measuring(self, transport: cycles.Transport, seed: int, steady: bool, crop: Crop | None) -> Iterator[None]:
-        """Set Cycles up: the scene's own world and lights, every pixel the mean over its square."""
-        own: dict[str, Any] = {
-            "min_light_bounces": transport.bounces if steady else 3,
-            "pixel_filter_type": "BOX",
-            "filter_width": 1.0,
-        }
+        """Set Cycles up: the scene's own world and lights, and the pixels of the photograph."""
+        own: dict[str, Any] = {"min_light_bounces": transport.bounces if steady else 3, **self.filter}
         width, height = self.camera.resolution
         border: dict[str, Any] = {}
         if crop is not None:

@@ -3,37 +3,48 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import COLOURED, FREE, LEVELS, STEPS, InverseSettings, Model, grey, moved
-from ...core.inverse.estimate import newton, unexplained
-from ...core.inverse.photograph import Photograph, inner, weights
-from ...core.inverse.texture import reflectance_map
+from ...core.errors import LightsphereError
+from ...core.inverse import (
+    COLOURED,
+    FREE,
+    LEVELS,
+    POWER,
+    InverseSettings,
+    Model,
+    known_reflectances,
+    moved,
+)
+from ...core.inverse.estimate import noiseless_rmse
+from ...core.inverse.photograph import Photograph
 from ...core.progress import Progress, Work, retold
-from .levels import ENOUGH, examined
-from .room import Room
+from .evidence import STEADY, Evidence
+from .lamps import start_lamps
+from .levels import Tried, examined, simplest
+from .paint import paint
+from .room import Room, State
+from .together import LONGEST, Unknown, derivatives, step, unknowns
 
 Array = NDArray[np.float64]
 RATIO_ROUNDS, MOST_RATIO_ROUNDS = 4, 8  # more where light bounces long
 LARGE, TELLING = 0.3, 0.05  # logarithms of moves of reflectances, by which a gain of all, and of one is measured
 OVERSHOOT, MOST_GAIN = 2.0, 50.0
 ROUNDS = 6  # of looking for levels
+LEVELS_END = 0.6  # share of the budget after which that ends: the last moves are of all groups, and give the error bars
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
-LOBES_HELP = 0.85  # of the error of a diffuse group: what leaves more is not explained by lobes
-LEVEL_SAMPLES, MOST_SAMPLES = 16, 128
-USUAL = 160 * 120  # pixels for which numbers of samples are stated
-STEADY = 4.0  # standard deviations above which an error is not noise
-DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 6000  # a pixel of the whole picture; on a group's own pixels
-FEWEST = 6  # pixels without which a group's own are not judged
-UNSEEN = 1e-3  # share of the largest derivative below which nothing in the picture tells of a group
-LONGEST = 0.7  # of a step: a factor of two
-MOST_CHANGE = 2.0  # of a pixel by the logarithm of a parameter, in radiances about it
+LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves more is not explained by lobes
+PATTERN = 0.2  # relative error that is left, above which what lobes do not help at all has a texture
+NOTED_SAMPLES = 16  # a pixel of both pictures by which a stage's error is written down
+PICTURE_SAMPLES = 16  # of a picture that is denoised
+ALL = "all"
 
 
 @dataclass
@@ -51,8 +62,13 @@ class Found:
         Pixels that show the group and are trusted.
     tried : list of list of dict
         Levels that were tried, each with its relative error.
+    lamps : list of dict
+        ``name``, ``watts`` and relative ``deviation`` of the lamps whose power was looked for.
     history : list of dict
-        After every stage: ``stage``, ``seconds``, ``error`` (relative, render noise taken off).
+        After every step: ``stage``, ``seconds``, ``error`` (relative, render noise taken off), and ``diffuse``, what
+        each group reflects.
+    pictures : dict of str to (H, W, 3) float64
+        What the room looked like when a stage last ended, denoised.
     """
 
     models: list[Model]
@@ -60,7 +76,9 @@ class Found:
     seen: list[str]
     pixels: list[int]
     tried: list[list[dict[str, Any]]]
+    lamps: list[dict[str, Any]] = field(default_factory=list)
     history: list[dict[str, Any]] = field(default_factory=list)
+    pictures: dict[str, Array] = field(default_factory=dict)
 
 
 class Search:
@@ -72,27 +90,35 @@ class Search:
     photograph : Photograph
         Of the room's size.
     settings : InverseSettings
+
+    Raises
+    ------
+    LightsphereError
+        For known reflectances or unknown lamps that the room does not have.
     """
 
     def __init__(self, room: Room, photograph: Photograph, settings: InverseSettings) -> None:
         self.room, self.settings = room, settings
         self.start = time.perf_counter()
-        self.photograph = photograph.pixels
-        self.index, self.uv = room.layers_of_pixels()
-        trusted = photograph.trusted & (self.index >= 0)
-        kept = trusted & inner(self.index)
-        count = len(room.groups)
-        for number in range(count):  # a group that is all edge keeps its pixels
-            if (kept & (self.index == number)).sum() < FEWEST:
-                kept |= trusted & (self.index == number)
-        self.masks = [kept & (self.index == number) for number in range(count)]
-        self.weight = weights(self.photograph) * kept[..., None]
-        self.seed = 0
+        names = [group.name for group in room.groups]
+        for name, rho in known_reflectances(settings.known).items():
+            number = _place(name, names, "known reflectance", "group")
+            room.known[number] = rho
+            room.show(number, Model("diffuse", rho, np.zeros(3)))
+        lamps = [item.name for item in room.lamps]
+        wanted = (
+            lamps if settings.unknown_lamps == ALL else filter(None, map(str.strip, settings.unknown_lamps.split(",")))
+        )
+        room.free_lamps = [_place(name, lamps, "unknown power", "lamp") for name in wanted]
+        self.evidence = Evidence(room, photograph)
+        self.masks = self.evidence.masks
         self.patterned: set[int] = set()  # groups whose picture no lobe explains
-        self.tried: list[list[dict[str, Any]]] = [[] for _ in range(count)]
-        self.deviations: list[dict[str, Any]] = [{} for _ in range(count)]
+        self.tried: list[list[dict[str, Any]]] = [[] for _ in names]
+        self.deviations: dict[Unknown, list[float]] = {}
         self.seen = ["directly" if mask.any() else "not at all" for mask in self.masks]
         self.history: list[dict[str, Any]] = []
+        self.pictures: dict[str, Array] = {}
+        self.kept: tuple[State, dict[Unknown, list[float]]] | None = None
 
     def run(self) -> Work[Found]:
         """Search until the uncertainty asked for or the budget is reached.
@@ -101,18 +127,46 @@ class Search:
         ------
         Progress in seconds of the budget.
         """
+        if self.room.free_lamps:
+            start_lamps(self.evidence)
         yield from self._diffuse()
+        if self.room.free_lamps:
+            yield from self._refine("lamps", rounds=6, samples=8, damping=0.03, end=LEVELS_END)
         for turn in range(ROUNDS):
+            if self._spent() > LEVELS_END:
+                break
             changed = yield from self._levels()
             if not changed and turn:
                 break
-            yield from self._refine(rounds=4, samples=8, damping=0.1)
-        for number, model in enumerate(self.room.models):
-            if model.level == "texture":
-                self._paint(number)
-        yield from self._refine(rounds=15, samples=32, damping=0.03)
+            yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
+        yield from self._look_again()
+        yield from self._refine("refine", rounds=15, samples=32, damping=0.01, least=1)
+        return self._found()
+
+    def stopped(self) -> Found | None:
+        """Show what was known when an error was last written down, and return that; None where nothing was yet."""
+        if self.kept is None:
+            return None
+        state, self.deviations = self.kept
+        self.room.set(state)
+        return self._found()
+
+    def _found(self) -> Found:
+        room = self.room
+        spread = [
+            {kind: sd for (n, kind), sd in self.deviations.items() if n == number and kind != POWER}
+            for number in range(len(room.groups))
+        ]
+        lamps = [
+            {
+                "name": room.lamps[number].name,
+                "watts": room.lamps[number].data.energy,
+                "deviation": self.deviations.get((number, POWER), [None])[0],
+            }
+            for number in room.free_lamps
+        ]
         pixels = [int(mask.sum()) for mask in self.masks]
-        return Found(self.room.models, self.deviations, self.seen, pixels, self.tried, self.history)
+        return Found(room.models, spread, self.seen, pixels, self.tried, lamps, self.history, self.pictures)
 
     def _diffuse(self) -> Work[None]:
         """Let every group be diffuse; correct each by the ratio of photograph and render (Boivin 2001, equation 4).
@@ -121,14 +175,14 @@ class Search:
         correction of all groups together was seen to do so, each is divided by the gain that its last one had, measured
         in logarithms.
         """
-        seen = [number for number, mask in enumerate(self.masks) if mask.any()]
+        seen = [number for number, mask in enumerate(self.masks) if mask.any() and number not in self.room.known]
         pixels = np.array([self.masks[number].sum() for number in seen]).reshape(-1, 1)
         before, moves, gains = (np.zeros((len(seen), 3)) for _ in range(3))
         gains += 1
         overshoots = False
         for turn in range(MOST_RATIO_ROUNDS):
-            shown = self._render(4)
-            missing = np.log([self._ratio(shown, number) for number in seen]).reshape(-1, 3)
+            shown = self.evidence.render(4)
+            missing = np.log([self.evidence.ratio(shown, number) for number in seen]).reshape(-1, 3)
             power = float((pixels * moves**2).sum())
             gain = float((pixels * moves * (before - missing)).sum()) / max(power, 1e-30)
             overshoots |= power > LARGE**2 * moves.shape[1] * pixels.sum() and gain > OVERSHOOT
@@ -145,229 +199,193 @@ class Search:
             if turn + 1 >= RATIO_ROUNDS and not overshoots:
                 break
         self.room.count_bounces()
-        self._note("diffuse", self._residuals(8))
-
-    def _ratio(self, shown: Array, number: int) -> Array:
-        """Return what a group's pixels in a render are to be multiplied by to be the photograph's, (3,)."""
-        mask = self.masks[number]
-        part, w = shown[mask], self.weight[mask]
-        ratio = (w * part * self.photograph[mask]).sum(axis=0) / np.maximum((w * part**2).sum(axis=0), 1e-30)
-        return np.asarray(np.maximum(ratio, 1e-3))
+        self._note("diffuse", self.evidence.residuals(NOTED_SAMPLES))
+        self._picture("diffuse")
 
     def _levels(self) -> Work[bool]:
         """Look for a level for every group whose picture is not explained; return whether one changed.
 
-        What no level explains has a texture; that is not said before all other groups have their level, for what is
-        wrong elsewhere shows in reflections.
+        What no level explains has a texture; that is said of one group at a time, of the one that is explained least,
+        and not before all other groups have their level, unless lobes do nothing at all for it: what is wrong elsewhere
+        shows in reflections.
         """
-        residuals = self._even_residuals()
-        errors = [self._unexplained(residuals, number) for number in range(len(self.masks))]
+        evidence = self.evidence
+        residuals = evidence.even_residuals()
+        errors = [evidence.unexplained(residuals, number) for number in range(len(self.masks))]
         waiting = sorted(self.patterned)
-        open_errors = [0.0 if number in self.patterned else error for number, error in enumerate(errors)]
+        settled = self.patterned | set(self.room.known)
+        open_errors = [0.0 if number in settled else error for number, error in enumerate(errors)]
         changed = False
         for number in map(int, np.argsort(open_errors)[::-1]):
-            if open_errors[number] <= max(WORTH, WORST * max(open_errors)) or self._out_of_time():
+            if open_errors[number] <= max(WORTH, WORST * max(open_errors)) or self._spent() > LEVELS_END:
                 continue
             before = self.room.models[number].level
-            best, lobes_help = yield from self._examined(number)
-            self.room.show(number, best)
-            kept = FREE[best.level]
-            self.deviations[number] = {k: sd for k, sd in self.deviations[number].items() if k in kept}
+            first, second = evidence.next_seed(), evidence.next_seed()
+            best = yield from self._examined(number, (first, second))
+            self._choose(number, best)
             changed |= best.level != before
-            if not lobes_help and before != "texture" and self.room.layers[number] and self.settings.levels == "all":
+            if (
+                self._help(number) >= LOBES_HELP
+                and before != "texture"
+                and self.room.layers[number]
+                and self.settings.levels == "all"
+            ):
                 self.patterned.add(number)
-        if not changed:
-            for number in sorted(waiting, key=self._help)[-1:]:  # the one that lobes help least
-                self.tried[number].append({"level": "texture", "error": 0.0})
-                self.room.show(number, Model("texture", np.ones(3), np.zeros(3)))
-                self.deviations[number] = {}
-                self._paint(number)
+        plain = [number for number in self.patterned if self._help(number) > NO_HELP and self._left(number) > PATTERN]
+        if chosen := sorted(plain if changed else waiting, key=self._left)[-1:]:
+            self.tried[chosen[0]].append({"level": "texture", "error": 0.0})
+            self._choose(chosen[0], Model("texture", np.ones(3), np.zeros(3)))
+            paint(self.evidence, chosen[0])
             self.patterned.clear()  # the others may look otherwise now
-            changed = bool(waiting)
-        self._note("levels", self._residuals(8))
+            changed = True
+        self._note("levels", self.evidence.residuals(NOTED_SAMPLES))
+        self._picture("levels")
         return changed
 
-    def _examined(self, number: int) -> Work[tuple[Model, bool]]:
-        """Return the best model of a group without a texture, and whether any lobe explains what diffuse does not."""
-        mask = self.masks[number]
-        most = LEVELS.index("anisotropic" if self.settings.levels == "all" else self.settings.levels)
+    def _look_again(self) -> Work[None]:
+        """Look at lobes and textures again with the surroundings as they are now: the wrong ones bent them before."""
+        for number, model in enumerate(self.room.models):
+            if model.level == "texture":
+                yield from self._paint_if_needed(number)
+            elif "alpha" in FREE[model.level]:
+                first, second = self.evidence.next_seed(), self.evidence.next_seed()
+                best = yield from self._examined(number, (first, second))
+                self._choose(number, best)
+
+    def _told(self, words: str, _: Progress) -> Progress:
+        return self._step(words)
+
+    def _choose(self, number: int, model: Model) -> None:
+        """Let a group have a model; deviations of what that does not have are forgotten."""
+        self.room.show(number, model)
+        kept = () if model.level == "texture" else FREE[model.level]
+        lost = [(n, kind) for n, kind in self.deviations if n == number and kind not in (*kept, POWER)]
+        for unknown in lost:
+            del self.deviations[unknown]
+
+    def _examined(
+        self,
+        number: int,
+        seeds: tuple[int, int],
+        choose: Callable[[list[Tried]], Tried] = simplest,
+        most: str = "anisotropic",
+        denoised: bool = False,
+    ) -> Work[Model]:
+        """Return the best model of a group without a texture."""
+        evidence = self.evidence
+        if self.settings.levels != "all":
+            most = min(most, self.settings.levels, key=LEVELS.index)
         self.room.paint(number, None)
-        work = examined(self.room, number, mask, self.photograph, self.weight, most, self._next_seed())
+        mask, weight = self.masks[number], evidence.weight
+        work = examined(self.room, number, mask, evidence.photograph, weight, most, seeds, choose, denoised)
         words = f"levels of {self.room.groups[number].name}"
-        model, self.tried[number] = yield from retold(work, lambda _: self._step(words))
-        return model, self._help(number) < LOBES_HELP
+        model, self.tried[number] = yield from retold(work, partial(self._told, words))
+        return model
+
+    def _left(self, number: int) -> float:
+        """Return the relative error that the best lobe leaves of a group."""
+        return float(min(one["error"] for one in self.tried[number]))
 
     def _help(self, number: int) -> float:
         """Return what share of a diffuse group's error the best lobe leaves."""
-        tried = self.tried[number]
-        return float(min(one["error"] for one in tried) / max(tried[0]["error"], 1e-12))
+        return self._left(number) / max(self.tried[number][0]["error"], 1e-12)
 
-    def _paint(self, number: int) -> None:
-        """Divide the photograph by what a white surface there would show, and keep that as the group's texture."""
-        mask = self.masks[number]
-        with self.room.trying(number, grey()):
-            self.room.paint(number, None)
-            white = np.mean([self._render(32) for _ in range(2)], axis=0) / 0.5
-        whole = self.index == number
-        texture = reflectance_map(self.photograph, white, mask, whole, self.uv)
-        self.room.paint(number, texture)
+    def _paint_if_needed(self, number: int) -> Work[None]:
+        """Paint a texture anew with the surroundings as they are now, unless one reflectance explains the group now."""
+        first, second = self.evidence.next_seed(), self.evidence.next_seed()
+        plain = yield from self._examined(number, (first, second), most="diffuse")
+        if self._left(number) > WORTH:
+            self.tried[number].append({"level": "texture", "error": 0.0})
+            paint(self.evidence, number)
+        else:
+            self._choose(number, plain)
 
-    def _refine(self, rounds: int, samples: int, damping: float) -> Work[None]:
-        """Let all parameters of all groups move together: Gauss-Newton, the derivatives by renders of the same seed.
+    def _refine(
+        self,
+        stage: str,
+        rounds: int,
+        samples: int,
+        damping: float,
+        end: float = 1.0,
+        least: int = 0,
+    ) -> Work[None]:
+        """Let all reflectances of all groups move together: Gauss-Newton, the derivatives by renders of the same seed.
 
+        The shapes of lobes stay: the picture is no straight function of them. They are moved by searches, and are among
+        the unknowns here where error bars of all are stated.
         A step that more than doubles the error is taken back, the next is shorter. A parameter whose step changes its
         sign goes in shorter steps from then on (Kesten 1958), so that it settles in the mean of what noise makes of it.
         """
-        kinds = [
-            (number, kind)
-            for number, model in enumerate(self.room.models)
-            for kind in FREE[model.level]
-            if not (model.level == "texture" and kind == "diffuse")
-        ]
-        derivatives = yield from self._derivatives(kinds)
-        best: tuple[float, list[Model], Array] | None = None
-        turns: list[Array] = [np.zeros(3 if kind in COLOURED else 1) for _, kind in kinds]
+        if self._spent() > end and not least:
+            return
+        evidence, wanted = self.evidence, unknowns(self.room, shapes=least > 0)
+        free = [place for place, (_, kind) in enumerate(wanted) if kind in (*COLOURED, POWER)]
+        slopes = yield from retold(derivatives(evidence, wanted), lambda _: self._step("derivatives"))
+        best: tuple[float, State, Array] | None = None
+        turns = [np.zeros(3 if wanted[place][1] in COLOURED else 1) for place in free]
         last = [np.zeros_like(one) for one in turns]
-        for _ in range(rounds):
-            if self._out_of_time():
+        for turn in range(rounds):
+            if self._spent() > end and turn >= least:
                 break
-            residuals = self._residuals(samples)
-            error, noise = self._error(residuals)
+            residuals = evidence.residuals(samples)
+            error, noise = evidence.error(residuals)
             if best is not None and error > 2 * best[0] + STEADY * noise:
-                self._show_all(best[1])
+                self.room.set(best[1])
                 residuals, damping = best[2], 10 * damping
             else:
-                best = error, list(self.room.models), residuals
-            step, deviation = self._newton(kinds, derivatives, residuals, damping)
-            turns = [n + (by * before < 0) for n, by, before in zip(turns, step, last, strict=True)]
-            gains, last = [1 / (1 + n) for n in turns], step
-            moves = [gain * by for gain, by in zip(gains, step, strict=True)]
-            self._apply(kinds, moves, [np.sqrt(gain) * sd for gain, sd in zip(gains, deviation, strict=True)])
-            self._note("refine", residuals)
-            yield self._step("refine")
+                best = error, self.room.state(), residuals
+            moving = [wanted[place] for place in free]
+            moves, _, untold = step(evidence, moving, slopes[:, free], residuals, damping)
+            _, spread, _ = step(evidence, wanted, slopes, residuals, damping)
+            turns = [n + (by * before < 0) for n, by, before in zip(turns, moves, last, strict=True)]
+            gains, last = [1 / (1 + n) for n in turns], moves
+            self.deviations |= {unknown: sd.tolist() for unknown, sd in zip(wanted, spread, strict=True)}
+            for place, gain, by in zip(free, gains, moves, strict=True):
+                self.room.move(*wanted[place], np.clip(gain * by, -LONGEST, LONGEST))
+                self.deviations[wanted[place]] = (np.sqrt(gain) * spread[place]).tolist()
+            self._look(moving, untold)
+            self._note(stage, residuals)
+            yield self._step(stage)
             if min(n.min() for n in turns) >= 2 and self._uncertainty() < self.settings.target / 100:
                 break
+        self._picture(stage)
 
-    def _error(self, residuals: Array) -> tuple[float, float]:
-        """Return the mean square relative error, and its standard deviation by noise."""
-        used = self.weight[..., 0] > 0
-        return unexplained(residuals[:, used], self.weight[used])
+    def _look(self, wanted: list[Unknown], untold: set[int]) -> None:
+        """Say of groups that no pixel shows whether reflections tell of them."""
+        for number in {number for number, kind in wanted if kind != POWER}:
+            if self.seen[number] != "directly":
+                self.seen[number] = "not at all" if number in untold else "in reflections"
+
+    def _picture(self, stage: str) -> None:
+        """Keep what the room looks like, for the eye."""
+        evidence = self.evidence
+        samples = evidence.samples(PICTURE_SAMPLES)
+        self.pictures[stage] = self.room.render(samples, evidence.next_seed(), denoised=True)
 
     def _uncertainty(self) -> float:
         """Return the largest relative deviation of the reflectances."""
-        parts = [d[kind] for d in self.deviations for kind in COLOURED if kind in d]
+        parts = [spread for (_, kind), spread in self.deviations.items() if kind in COLOURED]
         return max((max(part) for part in parts), default=0.0)
 
-    def _show_all(self, models: Sequence[Model]) -> None:
-        for number, model in enumerate(models):
-            self.room.show(number, model)
-
-    def _derivatives(self, kinds: Sequence[tuple[int, str]]) -> Work[Array]:
-        """Return the change of the picture by every kind of parameter, by two seeds: (2, N, H, W, 3).
-
-        A group's own pixels are rendered with as many samples as they need. What its diffuse reflectance changes
-        elsewhere is seen in the whole picture; what its lobe changes elsewhere is left out, which slows the search.
-        """
-        self.room.count_bounces()
-        seeds = [self._next_seed() for _ in range(2)]
-        each = self._samples(DERIVATIVE_SAMPLES)
-        whole = [self.room.render(each, seed, True) for seed in seeds]
-        # any instrument will do, and one without fireflies does best; no parameter changes more than this
-        bound = MOST_CHANGE * np.sqrt(1 / np.maximum(weights(self.photograph), 1e-30))
-        found = np.zeros((2, len(kinds), *self.photograph.shape))
-        own: dict[int, list[Array]] = {}
-        for place, (number, kind) in enumerate(kinds):
-            model, mask = self.room.models[number], self.masks[number]
-            by = STEPS[kind] * (-1.0 if kind in COLOURED and getattr(model, kind).max() > 0.8 else 1.0)
-            changed = moved(model, kind, by)
-            if kind == "diffuse" or not mask.any():
-                with self.room.trying(number, changed):
-                    for s, seed in enumerate(seeds):
-                        found[s, place] = (self.room.render(each, seed, True) - whole[s]) / by
-            if mask.any():
-                samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
-                if number not in own:
-                    own[number] = [self.room.pixels(mask, samples, seed, True) for seed in seeds]
-                with self.room.trying(number, changed):
-                    for s, seed in enumerate(seeds):
-                        change = self.room.pixels(mask, samples, seed, True) - own[number][s]
-                        found[s, place][mask] = change / by
-            yield self._step("derivatives")
-        return np.clip(found, -bound, bound)
-
-    def _newton(
-        self, kinds: Sequence[tuple[int, str]], derivatives: Array, residuals: Array, damping: float
-    ) -> tuple[list[Array], list[Array]]:
-        """Return the step of every kind and its deviation, (3,) of reflectances, (1,) of what all colours share."""
-        columns, owner = [], []
-        for place, (_, kind) in enumerate(kinds):
-            coloured = kind in COLOURED
-            for colour in range(3 if coloured else 1):
-                column = np.zeros_like(derivatives[:, place])
-                chosen = slice(colour, colour + 1) if coloured else slice(None)
-                column[..., chosen] = derivatives[:, place][..., chosen]
-                columns.append(column.reshape(2, -1))
-                owner.append(place)
-        used = self.weight.ravel() > 0
-        jacobians = np.stack(columns, axis=1)[:, :, used]
-        step, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], self.weight.ravel()[used], damping)
-        power = (jacobians[0] * jacobians[1] * self.weight.ravel()[used]).sum(axis=1)
-        for place, (number, kind) in enumerate(kinds):
-            if kind == FREE[self.room.models[number].level][0] and self.seen[number] != "directly":
-                told = power[np.array(owner) == place].max() > UNSEEN**2 * power.max()
-                self.seen[number] = "in reflections" if told else "not at all"
-        parts = [np.array(owner) == place for place in range(len(kinds))]
-        return [step[part] for part in parts], [deviation[part] for part in parts]
-
-    def _apply(self, kinds: Sequence[tuple[int, str]], step: list[Array], deviation: list[Array]) -> None:
-        for (number, kind), by, spread in zip(kinds, step, deviation, strict=True):
-            longest = LONGEST if kind != "angle" else 30.0
-            self.room.show(number, moved(self.room.models[number], kind, np.clip(by, -longest, longest)))
-            self.deviations[number][kind] = spread.tolist()
-
-    def _residuals(self, samples: int) -> Array:
-        """Return photograph less render by two seeds, (2, H, W, 3)."""
-        return self.photograph - np.stack([self._render(samples) for _ in range(2)])
-
-    def _even_residuals(self) -> Array:
-        """Return the same, but groups of few pixels get more samples, so that all are judged alike."""
-        residuals = self._residuals(LEVEL_SAMPLES)
-        for mask in self.masks:
-            samples = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
-            if mask.any() and samples > self._samples(LEVEL_SAMPLES):
-                for own in residuals:
-                    own[mask] = self.photograph[mask] - self.room.pixels(mask, samples, self._next_seed())
-        return residuals
-
-    def _unexplained(self, residuals: Array, number: int) -> float:
-        """Return the relative error of a group with render noise taken off, 0 where it is within noise."""
-        mask = self.masks[number]
-        if not mask.any():
-            return 0.0
-        mean, noise = unexplained(residuals[:, mask], self.weight[mask])
-        return float(np.sqrt(mean)) if mean > STEADY * noise else 0.0
-
-    def _render(self, samples: int) -> Array:
-        return self.room.render(self._samples(samples), self._next_seed())
-
-    def _samples(self, samples: int) -> int:
-        """Return samples a pixel that make a small picture as certain as one of USUAL pixels."""
-        return max(samples, round(samples * USUAL / self.masks[0].size))
-
-    def _next_seed(self) -> int:
-        self.seed += 1
-        return self.seed
-
-    def _out_of_time(self) -> bool:
-        return time.perf_counter() - self.start > self.settings.budget
+    def _spent(self) -> float:
+        """Return what share of the budget is spent."""
+        return (time.perf_counter() - self.start) / self.settings.budget
 
     def _step(self, stage: str) -> Progress:
-        return Progress(stage, min(time.perf_counter() - self.start, self.settings.budget), self.settings.budget, "s")
+        return Progress(stage, min(self._spent(), 1.0) * self.settings.budget, self.settings.budget, "s")
 
     def _note(self, stage: str, residuals: Array) -> None:
-        """Write down how well the photograph is explained now."""
-        products = (residuals[0] * residuals[1])[self.weight > 0]
-        power = float((self.photograph[self.weight > 0] ** 2).mean())
-        error = float(np.sqrt(max(products.mean(), 0.0) / power))
+        """Write down how well the photograph is explained now, and what is known."""
         seconds = time.perf_counter() - self.start
-        self.history.append({"stage": stage, "seconds": seconds, "error": error})
+        evidence = self.evidence
+        error = noiseless_rmse(residuals, evidence.photograph, evidence.weight[..., 0] > 0)
+        diffuse = {group.name: m.diffuse.tolist() for group, m in zip(self.room.groups, self.room.models, strict=True)}
+        self.history.append({"stage": stage, "seconds": seconds, "error": error, "diffuse": diffuse})
+        self.kept = self.room.state(), dict(self.deviations)
+
+
+def _place(name: str, names: list[str], what: str, kind: str) -> int:
+    """Return where a name is in a list, or raise a LightsphereError."""
+    if name not in names:
+        raise LightsphereError(f"{what}: there is no {kind} {name!r}; there are {', '.join(names) or 'none'}")
+    return names.index(name)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import LightsphereError
 from ..settings import setting
 
 LEVELS = ("diffuse", "mirror", "diffuse-specular", "isotropic", "anisotropic", "texture")
@@ -33,6 +34,7 @@ FREE = {
     "anisotropic": ("diffuse", "specular", "alpha", "ratio", "angle"),
     "texture": ("diffuse",),
 }
+POWER = "power"  # the one parameter of a lamp
 COLOURED = ("diffuse", "specular")  # parameters with a value for every colour; the others serve all three
 SHARP = 1e-3  # alpha of a mirror: below it Cycles' float32 half vectors are too coarse
 LEAST, MOST = 1e-3, 0.98  # reflectances: nothing is dropped from the render, and light fades
@@ -60,6 +62,20 @@ class InverseSettings:
     budget: float = setting(240.0, "time after which the best result so far is kept", unit="s", low=1.0, high=1e6)
     target: float = setting(0.5, "uncertainty of reflectances at which the search ends", unit="%", low=0.01, high=50.0)
     levels: str = setting("all", "richest level that may be chosen", choices=("all", *LEVELS[:-1]))
+    method: str = setting(
+        "joint",
+        "joint: all groups together, two seeds against noise; source: ratios and fixed thresholds (Boivin 2001)",
+        choices=("joint", "source"),
+    )
+    thresholds: str = setting(
+        "5, 50, 1, 5",
+        "errors of the source's method [%]: below the first a group is diffuse or a mirror, above the second it is no "
+        "mirror, below the third lobes explain it, above the fourth it has a texture",
+    )
+    unknown_lamps: str = setting(
+        "", "lamps whose power is looked for, commas between their names, or all; of all, the brightest stays as it is"
+    )
+    known: str = setting("", "reflectances that are known, as GROUP=R,G,B with semicolons between: they give the scale")
 
 
 @dataclass(frozen=True)
@@ -106,13 +122,63 @@ class Model:
         return values
 
 
+def thresholds(text: str) -> tuple[float, float, float, float]:
+    """Return the four thresholds that a text states in per cent, as shares.
+
+    Raises
+    ------
+    LightsphereError
+        If it is not four positive numbers.
+
+    Examples
+    --------
+    >>> thresholds("5, 50, 1, 5")
+    (0.05, 0.5, 0.01, 0.05)
+    """
+    try:
+        simple, mirror, lobes, texture = (float(part) / 100 for part in text.split(","))
+    except ValueError:
+        raise LightsphereError(f"thresholds is {text!r}; write four numbers [%], such as 5, 50, 1, 5") from None
+    if min(simple, mirror, lobes, texture) <= 0:
+        raise LightsphereError(f"thresholds is {text!r}; all four must be above 0")
+    return simple, mirror, lobes, texture
+
+
+def known_reflectances(text: str) -> dict[str, Array]:
+    """Return the diffuse reflectances that a text states.
+
+    Raises
+    ------
+    LightsphereError
+        If it is not GROUP=R,G,B, or a reflectance is not between 0 and 1.
+
+    Examples
+    --------
+    >>> known_reflectances("Floor=.2,.3,.4; Wall=.5,.5,.5")["Floor"].tolist()
+    [0.2, 0.3, 0.4]
+    """
+    known = {}
+    for part in filter(str.strip, text.split(";")):
+        name, _, values = part.rpartition("=")
+        try:
+            rho = np.array([float(value) for value in values.split(",")])
+        except ValueError:
+            rho = np.empty(0)
+        if not name.strip() or rho.shape != (3,) or not ((rho > 0) & (rho < 1)).all():
+            raise LightsphereError(
+                f"known is {part.strip()!r}; write GROUP=R,G,B with reflectances between 0 and 1, such as Wall=.5,.5,.5"
+            )
+        known[name.strip()] = rho
+    return known
+
+
 def grey(value: float = 0.5) -> Model:
     """Return a diffuse grey."""
     return Model("diffuse", np.full(3, value), np.zeros(3))
 
 
 #: How far each kind of parameter is moved to see what changes, in its own measure (see :func:`moved`).
-STEPS = {"diffuse": 0.15, "specular": 0.15, "alpha": 0.15, "ratio": 0.2, "angle": 6.0}
+STEPS = {"diffuse": 0.15, "specular": 0.15, "alpha": 0.15, "ratio": 0.2, "angle": 6.0, POWER: 0.15}
 
 
 def moved(model: Model, kind: str, by: Array | float) -> Model:

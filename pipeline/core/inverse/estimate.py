@@ -56,6 +56,15 @@ def unexplained(residuals: Array, weight: Array) -> tuple[float, float]:
     return float(products.mean()), float(np.sqrt(variance.sum()) / len(products))
 
 
+def noiseless_rmse(residuals: Array, photograph: Array, used: NDArray[np.bool_]) -> float:
+    """Return the root mean square of residuals by two seeds (2, H, W, 3) over the photograph's, render noise taken off.
+
+    The photograph's own noise counts. Where noise says that nothing is wrong, 0.
+    """
+    mean_square = (residuals[0] * residuals[1])[used].mean()
+    return float(np.sqrt(max(mean_square, 0.0) / (photograph[used] ** 2).mean()))
+
+
 def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
     """Fit a photograph by basis pictures of two seeds, with factors that are not negative.
 
@@ -99,7 +108,9 @@ def better(simple: Fit, rich: Fit, worth: float) -> bool:
     return simple.error - rich.error > max(2.5 * float(np.hypot(simple.noise, rich.noise)), worth)
 
 
-def newton(jacobians: Array, residuals: Array, weight: Array, damping: float = 1e-3) -> tuple[Array, Array]:
+def newton(
+    jacobians: Array, residuals: Array, weight: Array, damping: float = 1e-3, same_seeds: bool = False
+) -> tuple[Array, Array]:
     """Return a Gauss-Newton step and its standard deviation that render noise causes.
 
     Parameters
@@ -107,7 +118,7 @@ def newton(jacobians: Array, residuals: Array, weight: Array, damping: float = 1
     jacobians : (2, U, N) float64
         Derivatives of N values by U unknowns, by two seeds.
     residuals : (2, N) float64
-        Photograph less render, by two other seeds.
+        Photograph less render, by two other seeds, or the same: then each seed's derivatives meet the other's residual.
     weight : (N,) float64
     damping : float
         Share of the diagonal that is added: unknowns that nothing shows stay.
@@ -118,6 +129,10 @@ def newton(jacobians: Array, residuals: Array, weight: Array, damping: float = 1
     scale = np.maximum(np.diag(normal), 1e-30 + 1e-9 * np.abs(np.diag(normal)).max())
     normal = normal + np.diag(damping * scale)
     mean = (first + second) / 2
-    step = np.linalg.solve(normal, (mean * weight) @ residuals.mean(axis=0))
+    if same_seeds:
+        right = ((first * weight) @ residuals[1] + (second * weight) @ residuals[0]) / 2
+    else:
+        right = (mean * weight) @ residuals.mean(axis=0)
+    step = np.linalg.solve(normal, right)
     spread = np.linalg.solve(normal, mean * (weight * (residuals[0] - residuals[1]) / 2))
     return step, np.sqrt((spread**2).sum(axis=1))

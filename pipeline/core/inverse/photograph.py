@@ -25,10 +25,13 @@ class Photograph:
         Linear radiance.
     trusted : (H, W) bool
         False where the picture is saturated or not a number.
+    averaged : bool
+        Whether each pixel is the mean of several of the picture's own; else it is one of them, with its filter.
     """
 
     pixels: NDArray[np.float64]
     trusted: NDArray[np.bool_]
+    averaged: bool = False
 
 
 def prepared(pixels: NDArray[np.float32], bits: int, response: str, size: tuple[int, int], width: int) -> Photograph:
@@ -69,7 +72,7 @@ def prepared(pixels: NDArray[np.float32], bits: int, response: str, size: tuple[
     good = averaged(averaged(trusted.astype(np.float64), height, 0), width, 1) > 1 - 1e-9
     if not (linear[good] > 0).any() or good.mean() < 0.1:
         raise LightsphereError("the photograph is black, saturated or broken nearly everywhere; give another one")
-    return Photograph(linear, good)
+    return Photograph(linear, good, width < wide)
 
 
 def averaged(values: NDArray[np.float64], count: int, axis: int) -> NDArray[np.float64]:

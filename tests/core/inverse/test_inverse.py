@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import LightsphereError
-from pipeline.core.inverse import LEAST, MOST, Model, grey, moved
+from pipeline.core.inverse import LEAST, MOST, Model, grey, known_reflectances, moved
 from pipeline.core.inverse.estimate import better, combined, newton, unexplained
+from pipeline.core.inverse.lamps import powers
 from pipeline.core.inverse.photograph import averaged, inner, prepared, weights
-from pipeline.core.inverse.texture import reflectance_map
+from pipeline.core.inverse.texture import light_on, reflectance_map, seen_reflectance, sharpened
 
 PIXELS = 40_000
 NOISE = 0.5
@@ -113,7 +114,9 @@ def test_a_texture_comes_back_without_the_shadow_on_it() -> None:
     pattern = np.stack([0.2 + 0.5 * (u > 0.5), 0.3 + 0 * u, 0.6 - 0.4 * v], axis=-1)
     shadow = np.where(v < 0.4, 0.3, 1.0)[..., None] * np.ones(3)
     seen = np.ones((40, 40), bool)
-    texture = reflectance_map(pattern * shadow, shadow, seen, seen, np.stack([u, v], axis=-1))
+    light = light_on(shadow, seen)[seen]
+    values, _ = seen_reflectance((pattern * shadow)[seen], light, 0 * light, light, seen[seen])
+    texture = reflectance_map(values, np.stack([u, v], axis=-1)[seen])
     side = len(texture)
     centres = (np.arange(side) + 0.5) / side
     wanted = 0.2 + 0.5 * (centres > 0.5)
@@ -122,3 +125,67 @@ def test_a_texture_comes_back_without_the_shadow_on_it() -> None:
     dark = texture[-side // 4, clear, 0]  # in the shadow
     assert dark == pytest.approx(wanted[clear], rel=0.05)
     assert texture[side // 10, 3, 2] < texture[-side // 10, 3, 2]  # rows top-down
+
+
+def test_powers_of_lamps_come_back_beside_unknown_reflectances() -> None:
+    rng = np.random.default_rng(8)
+    group = np.repeat([0, 1, 2], 200)
+    pictures = rng.uniform(0.1, 1.0, (3, 600, 3)) * rng.uniform(0.3, 3.0, (3, 1, 1))
+    rho = rng.uniform(0.2, 1.8, (3, 3))
+    planted = np.array([1.0, 5.0, 0.0])
+    photograph = np.tensordot(planted, pictures, 1) * rho[group]
+    weight = 1 / photograph**2
+    held = powers(pictures, photograph, weight, group, {}, {0: 1.0})
+    assert held == pytest.approx(planted, abs=1e-3)
+    scaled = powers(pictures, photograph, weight, group, {1: 0.5 * rho[1]}, {})  # half as bright: lamps are twice as
+    assert scaled == pytest.approx(2 * planted, abs=2e-3)
+    swapped = powers(pictures[[1, 0, 2]], photograph, weight, group, {}, {0: 1.0})
+    assert swapped[1] == pytest.approx(1 / 5, abs=1e-3)
+
+
+def test_known_reflectances_are_read_or_refused() -> None:
+    known = known_reflectances("Floor=.2,.3,.4; My wall = 0.5, 0.5, 0.5;")
+    assert known["My wall"].tolist() == [0.5, 0.5, 0.5]
+    for wrong in ("Floor", "Floor=.2,.3", "=.2,.3,.4", "Floor=.2,.3,1.4", "Floor=a,b,c"):
+        with pytest.raises(LightsphereError, match="GROUP=R,G,B"):
+            known_reflectances(wrong)
+    assert known_reflectances("") == {}
+
+
+def test_a_texture_is_sharpened_until_it_renders_what_was_seen() -> None:
+    def filtered(values: np.ndarray) -> np.ndarray:
+        return (np.roll(values, 1, 0) + 2 * values + np.roll(values, -1, 0)) / 4
+
+    true = np.repeat(np.where(np.arange(64) // 8 % 2 == 0, 0.2, 0.6)[:, None], 3, axis=1)
+    wanted = filtered(true)
+    values = wanted
+    for _ in range(3):
+        values = sharpened(values, wanted, filtered(values))
+    assert np.abs(filtered(values) - wanted).max() < 0.3 * np.abs(filtered(wanted) - wanted).max()
+    assert np.abs(values - true).max() < 0.6 * np.abs(wanted - true).max()
+    assert sharpened(wanted, wanted, wanted) == pytest.approx(wanted)
+
+
+def test_what_else_a_pixel_at_an_edge_shows_is_taken_off() -> None:
+    light, beside, true = np.full((3, 3), 2.0), np.full((3, 3), 0.7), np.array([[0.2, 0.5, 0.8]])
+    cover = np.array([[1.0], [0.7], [0.3]])
+    dark = (1 - cover) * beside
+    values, tells = seen_reflectance(dark + cover * light * true, light, dark, cover * light, cover[:, 0] == 1)
+    assert values == pytest.approx(np.repeat(true, 3, axis=0))
+    assert tells.tolist() == [True, True, False]
+    blind, _ = seen_reflectance(dark + cover * light * true, light, 0 * dark, light, cover[:, 0] > 0)
+    assert blind[1] != pytest.approx(true[0], rel=0.05)
+
+
+def test_a_step_from_the_derivatives_own_pictures_is_not_biased() -> None:
+    rng = np.random.default_rng(12)
+    true = rng.normal(1, 0.3, (2, 40_000))
+    planted = np.array([0.2, -0.1])
+    noisy = true + rng.normal(0, 0.6, (2, *true.shape))  # two seeds
+    at = np.array([0.5, 0.4])
+    photograph = (at + planted) @ true
+    residuals = photograph - np.einsum("u,sun->sn", at, noisy)
+    step, _ = newton(noisy, residuals, np.ones(40_000), damping=1e-6, same_seeds=True)
+    assert step == pytest.approx(planted, abs=0.02)
+    biased, _ = newton(noisy, residuals, np.ones(40_000), damping=1e-6)
+    assert np.abs(biased - planted).max() > 0.1

@@ -1,0 +1,104 @@
+"""What a search is judged by: the photograph, the pixels of each group, and renders of independent seeds beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.inverse.estimate import unexplained
+from ...core.inverse.photograph import Photograph, inner, weights
+from .levels import ENOUGH
+from .room import Room
+
+Array = NDArray[np.float64]
+FEWEST = 6  # pixels without which a group's own are not judged
+LEVEL_SAMPLES, MOST_SAMPLES = 16, 128
+USUAL = 160 * 120  # pixels for which numbers of samples are stated
+STEADY = 4.0  # standard deviations above which an error is not noise
+
+
+class Evidence:
+    """A photograph beside a room.
+
+    Parameters
+    ----------
+    room : Room
+    photograph : Photograph
+        Of the room's size.
+
+    Attributes
+    ----------
+    photograph : (H, W, 3) float64
+    index : (H, W) int
+        Which group each pixel shows, -1 for none.
+    uv : (H, W, 2) float64
+    masks : list of (H, W) bool
+        Each group's trusted pixels that are not at an edge.
+    weight : (H, W, 3) float64
+    """
+
+    def __init__(self, room: Room, photograph: Photograph) -> None:
+        self.room = room
+        self.photograph = photograph.pixels
+        self.index, self.uv = room.layers_of_pixels()
+        trusted = photograph.trusted & (self.index >= 0)
+        kept = trusted & inner(self.index)
+        count = len(room.groups)
+        for number in range(count):  # a group that is all edge keeps its pixels
+            if (kept & (self.index == number)).sum() < FEWEST:
+                kept |= trusted & (self.index == number)
+        self.masks = [kept & (self.index == number) for number in range(count)]
+        self.weight = weights(self.photograph) * kept[..., None]
+        self._trusted = trusted
+        self._seed = 0
+
+    def next_seed(self) -> int:
+        """Return a seed that no render had before."""
+        self._seed += 1
+        return self._seed
+
+    def whole(self, number: int) -> NDArray[np.bool_]:
+        """Return a group's trusted pixels, those at its edge, too, (H, W)."""
+        return self._trusted & (self.index == number)
+
+    def samples(self, samples: int) -> int:
+        """Return samples a pixel that make a small picture as certain as one of USUAL pixels."""
+        return max(samples, round(samples * USUAL / self.index.size))
+
+    def render(self, samples: int) -> Array:
+        """Render the room as it is with a new seed."""
+        return self.room.render(self.samples(samples), self.next_seed())
+
+    def residuals(self, samples: int) -> Array:
+        """Return photograph less render by two seeds, (2, H, W, 3)."""
+        return self.photograph - np.stack([self.render(samples) for _ in range(2)])
+
+    def even_residuals(self) -> Array:
+        """Return the same, but groups of few pixels get more samples, so that all are judged alike."""
+        residuals = self.residuals(LEVEL_SAMPLES)
+        for mask in self.masks:
+            samples = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
+            if mask.any() and samples > self.samples(LEVEL_SAMPLES):
+                for own in residuals:
+                    own[mask] = self.photograph[mask] - self.room.pixels(mask, samples, self.next_seed())
+        return residuals
+
+    def ratio(self, shown: Array, number: int) -> Array:
+        """Return what a group's pixels in a render are to be multiplied by to be the photograph's, (3,)."""
+        mask = self.masks[number]
+        part, w = shown[mask], self.weight[mask]
+        ratio = (w * part * self.photograph[mask]).sum(axis=0) / np.maximum((w * part**2).sum(axis=0), 1e-30)
+        return np.asarray(np.maximum(ratio, 1e-3))
+
+    def error(self, residuals: Array) -> tuple[float, float]:
+        """Return the mean square relative error of the picture, and its standard deviation by noise."""
+        used = self.weight[..., 0] > 0
+        return unexplained(residuals[:, used], self.weight[used])
+
+    def unexplained(self, residuals: Array, number: int) -> float:
+        """Return the relative error of a group with render noise taken off, 0 where it is within noise."""
+        mask = self.masks[number]
+        if not mask.any():
+            return 0.0
+        mean, noise = unexplained(residuals[:, mask], self.weight[mask])
+        return float(np.sqrt(mean)) if mean > STEADY * noise else 0.0

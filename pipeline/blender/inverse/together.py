@@ -1,0 +1,97 @@
+"""All unknowns together: what each changes in the picture, and the Gauss-Newton step that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.inverse import COLOURED, FREE, POWER, STEPS
+from ...core.inverse.estimate import newton
+from ...core.inverse.photograph import weights
+from ...core.progress import Progress, Work
+from .evidence import Evidence
+from .room import Room
+
+Array = NDArray[np.float64]
+Unknown = tuple[int, str]  # a group and a kind of its parameters, or a lamp and POWER
+DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 20_000  # a pixel of the whole picture; on a group's own pixels
+UNSEEN = 1e-3  # share of the largest derivative below which nothing in the picture tells of a group
+LONGEST = 0.7  # of a step: a factor of two
+MOST_CHANGE = 2.0  # of a pixel by the logarithm of a parameter, in radiances about it
+
+
+def unknowns(room: Room, shapes: bool) -> list[Unknown]:
+    """Return what is looked for, as the groups' levels are now, with or without the shapes of lobes."""
+    found = [
+        (number, kind)
+        for number, model in enumerate(room.models)
+        for kind in FREE[model.level]
+        if number not in room.known and (shapes or kind in COLOURED) and model.level != "texture"
+    ]
+    return found + [(number, POWER) for number in room.free_lamps]
+
+
+def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
+    """Return the change of the picture by every unknown, by two seeds: (2, N, H, W, 3).
+
+    A group's own pixels are rendered with as many samples as they need. What its diffuse reflectance changes
+    elsewhere is seen in the whole picture; what its lobe changes elsewhere is left out, which slows the search.
+    """
+    room = evidence.room
+    room.count_bounces()
+    seeds = [evidence.next_seed() for _ in range(2)]
+    each = evidence.samples(DERIVATIVE_SAMPLES)
+    whole = [room.render(each, seed, True) for seed in seeds]
+    # any instrument will do, and one without fireflies does best; no parameter changes more than this
+    bound = MOST_CHANGE * np.sqrt(1 / np.maximum(weights(evidence.photograph), 1e-30))
+    found = np.zeros((2, len(wanted), *evidence.photograph.shape))
+    own: dict[int, list[Array]] = {}
+    for place, (number, kind) in enumerate(wanted):
+        by = STEPS[kind] * (-1.0 if kind in COLOURED and getattr(room.models[number], kind).max() > 0.8 else 1.0)
+        mask = evidence.masks[number] if kind != POWER else None
+        if kind in ("diffuse", POWER) or mask is None or not mask.any():
+            with room.moving(number, kind, by):
+                for s, seed in enumerate(seeds):
+                    found[s, place] = (room.render(each, seed, True) - whole[s]) / by
+        if mask is not None and mask.any():
+            samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
+            if number not in own:
+                own[number] = [room.pixels(mask, samples, seed, True) for seed in seeds]
+            with room.moving(number, kind, by):
+                for s, seed in enumerate(seeds):
+                    found[s, place][mask] = (room.pixels(mask, samples, seed, True) - own[number][s]) / by
+        yield Progress("derivatives", place + 1, len(wanted))
+    return np.clip(found, -bound, bound)
+
+
+def step(
+    evidence: Evidence, wanted: Sequence[Unknown], slopes: Array, residuals: Array, damping: float
+) -> tuple[list[Array], list[Array], set[int]]:
+    """Return the step of every unknown, its deviation, and the groups that the picture tells nothing of.
+
+    Steps and deviations are (3,) of reflectances and (1,) of what all colours share.
+    """
+    columns, owner = [], []
+    for place, (_, kind) in enumerate(wanted):
+        coloured = kind in COLOURED
+        for colour in range(3 if coloured else 1):
+            column = np.zeros_like(slopes[:, place])
+            chosen = slice(colour, colour + 1) if coloured else slice(None)
+            column[..., chosen] = slopes[:, place][..., chosen]
+            columns.append(column.reshape(2, -1))
+            owner.append(place)
+    weight = evidence.weight.ravel()
+    used = weight > 0
+    jacobians = np.stack(columns, axis=1)[:, :, used]
+    move, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], weight[used], damping)
+    power = (jacobians[0] * jacobians[1] * weight[used]).sum(axis=1)
+    parts = [np.array(owner) == place for place in range(len(wanted))]
+    told = {
+        number
+        for (number, kind), part in zip(wanted, parts, strict=True)
+        if kind != POWER and power[part].max() > UNSEEN**2 * power.max()
+    }
+    untold = {number for number, kind in wanted if kind != POWER} - told
+    return [move[part] for part in parts], [deviation[part] for part in parts], untold

@@ -1,0 +1,69 @@
+"""Inverse on a table of surfaces that are not diffuse: each gets its level and what that has."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from pipeline import cli
+from pipeline.blender import cycles
+from pipeline.core.inverse.photograph import averaged
+from scenes import rooms
+from scenes.rooms import surface
+
+SLOPES, DEGREES, SPECULAR = (0.08, 0.3), 25.0, 0.55
+MIRROR = (0.8, 0.6, 0.5)
+FLOOR, BLOCK = (0.45, 0.4, 0.35), (0.5, 0.09, 0.07)
+SIZE = (112, 84)
+CELLS = (8, 8)
+
+
+def stripes() -> np.ndarray:
+    """Return a pattern (64, 64, 3), rows top-down, that no rotation or reflection leaves as it is."""
+    v, u = np.meshgrid(np.linspace(0, 1, 64), np.linspace(0, 1, 64), indexing="ij")
+    return np.stack([0.15 + 0.6 * (np.sin(12 * u + 5 * v) > 0), 0.2 + 0.5 * v, 0.6 - 0.4 * u], axis=-1)
+
+
+@pytest.mark.slow
+def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    rooms.quad(scene, "Floor", [(-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0)], surface("Floor", FLOOR))
+    plate = surface("Plate", (0.05,) * 3, (SPECULAR,) * 3, SLOPES, DEGREES)
+    rooms.quad(scene, "Plate", [(-0.7, -0.7, 0.01), (0.7, -0.7, 0.01), (0.7, 0.5, 0.01), (-0.7, 0.5, 0.01)], plate)
+    poster = rooms.textured("Poster", stripes())
+    rooms.quad(scene, "Poster", [(-1.7, 1, 0.1), (-0.3, 1, 0.1), (-0.3, 1, 1.5), (-1.7, 1, 1.5)], poster)
+    mirror = surface("Mirror", (0.0,) * 3, MIRROR, (1e-3, 1e-3))
+    rooms.quad(scene, "Mirror", [(0.3, 1, 0.1), (1.7, 1, 0.1), (1.7, 1, 1.5), (0.3, 1, 1.5)], mirror)
+    rooms.block(scene, "Block", (1.2, -0.2, 0.25), (0.5, 0.5, 0.5), surface("Block", BLOCK), turn=20)
+    rooms.lamp(scene, (0.3, 0.3, 1.9), (0.8, 0.6), 60.0)
+    rooms.camera(scene, (0, -3.6, 1.7), (0, 0.3, 0.5), 46.0)
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.cycles.samples, scene.cycles.seed, scene.cycles.use_adaptive_sampling = 1024, 99, False
+    scene.cycles.blur_glossy = scene.cycles.sample_clamp_indirect = 0.0
+    scene.render.use_file_extension = False
+    with cycles.openexr(scene):
+        cycles.render(scene, tmp_path / "photograph.exr")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "table.blend"))
+    words = ["inverse", str(tmp_path / "table.blend"), str(tmp_path / "photograph.exr"), "-o", str(tmp_path / "out")]
+    assert cli.main([*words, "--json", str(tmp_path / "found.json"), "--budget", "100"]) == 0
+    groups = json.loads((tmp_path / "found.json").read_text())["groups"]
+    wanted = {"Plate": "anisotropic", "Poster": "texture", "Mirror": "mirror", "Floor": "diffuse", "Block": "diffuse"}
+    assert {name: one["level"] for name, one in groups.items()} == wanted
+    found = groups["Plate"]
+    assert abs((found["angle"] - DEGREES + 90) % 180 - 90) < 8  # not 25 degrees the other way
+    assert found["alpha_y"] == pytest.approx(SLOPES[1], rel=0.15)
+    assert found["rho_s"] == pytest.approx([SPECULAR] * 3, rel=0.15)
+    assert groups["Mirror"]["rho_s"] == pytest.approx(MIRROR, rel=0.05)
+    assert groups["Floor"]["rho_d"] == pytest.approx(FLOOR, rel=0.04)
+    assert groups["Block"]["rho_d"] == pytest.approx(BLOCK, rel=0.1)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "recovered.blend"))
+    image = bpy.data.images["Poster Reflectance"]
+    texels = np.array(image.pixels[:], np.float64).reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+    seen, true = (averaged(averaged(one, CELLS[0], 0), CELLS[1], 1) for one in (texels, stripes()))
+    assert np.abs(seen / true - 1).mean() < 0.06
+    assert np.abs(seen[::-1] / true - 1).mean() > 0.2  # upside down
