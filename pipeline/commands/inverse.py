@@ -18,7 +18,7 @@ from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 BLEND, PAGE = "recovered.blend", "report.html"
-FINAL_SAMPLES, STOPPED_SAMPLES = 128, 16
+FINAL_SAMPLES, STOPPED_SAMPLES = 64, 16
 FINAL_SEEDS = (2_000_000, 2_000_001)
 
 

@@ -2,9 +2,9 @@
 
 Run as ``.venv-3.13/bin/python tests/benchmarks/inverse_methods.py [--mitsuba PYTHON]`` with the Python that
 ``bootstrap.py`` set up. Prints when the worst reflectance (rho_max_pct) came below 5, 2 and 1 % and stayed there, by
-the clock of one machine in one run. Mitsuba 3 is no dependency: give the Python of an environment of its own, made with
-``pip install mitsuba``, whose ``llvm_ad_rgb`` needs LLVM's library. It is given the same geometry, camera, lamp and
-photograph, starts at the same grey, and renders with its path-replay backpropagation (Vicini and others 2021).
+the clock of one machine in one run. Mitsuba 3 is no dependency: give the Python of an environment of its own, made
+with ``pip install mitsuba numpy``, whose ``llvm_ad_rgb`` needs LLVM's library. It is given the same geometry, camera,
+lamp and photograph, starts at the same grey, and renders with its path-replay backpropagation (Vicini and others 2021).
 """
 
 from __future__ import annotations

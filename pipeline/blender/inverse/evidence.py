@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from ...core.inverse.estimate import unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
@@ -14,6 +15,7 @@ Array = NDArray[np.float64]
 FEWEST = 6  # pixels without which a group's own are not judged
 LEVEL_SAMPLES, MOST_SAMPLES = 16, 128
 USUAL = 160 * 120  # pixels for which numbers of samples are stated
+SMOOTH = 4.0  # standard deviation over which light does not vary much [px]
 STEADY = 4.0  # standard deviations above which an error is not noise
 
 
@@ -102,3 +104,11 @@ class Evidence:
             return 0.0
         mean, noise = unexplained(residuals[:, mask], self.weight[mask])
         return float(np.sqrt(mean)) if mean > STEADY * noise else 0.0
+
+    def fine_share(self, residuals: Array, number: int) -> float:
+        """Return what share of a group's unexplained square varies over few pixels: light does not, patterns do."""
+        mask = self.masks[number]
+        missing = np.sqrt(self.weight) * residuals * mask[..., None]
+        near = gaussian_filter(mask.astype(np.float64), SMOOTH)[..., None]
+        fine = missing - gaussian_filter(missing, (0, SMOOTH, SMOOTH, 0)) / np.maximum(near, 1e-9)
+        return float((fine[0] * fine[1])[mask].mean() / max((missing[0] * missing[1])[mask].mean(), 1e-30))

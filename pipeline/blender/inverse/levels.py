@@ -17,15 +17,16 @@ from .room import Room
 
 Array = NDArray[np.float64]
 SLOPES = (0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
+LIKE_MIRROR = 0.3  # of the diffuse model's mean square error: what a mirror explains that well has no wide lobe
 ANGLES = np.arange(0.0, 180.0, 30.0)
 RATIO, WIDER = 4.0, 1.6  # at which angles are scanned, and factor between the slopes at which they are
 SHAPES = ("alpha", "ratio", "angle")
 LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, degrees
-STEPS_DOWN, DAMPING = 5, 1e-3
+STEPS_DOWN, DAMPING, SETTLED = 5, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
-CLOSER, FINAL = 2, 4  # times as many by which the best lobes are moved, and the best of every level compared
+FINAL = 4  # times as many by which the best of every level are compared
 AGAIN = 10_000  # seeds apart
 HALF = 0.5  # reflectance of the pictures that are combined
 WHITE = Model("diffuse", np.full(3, HALF), np.zeros(3))
@@ -59,6 +60,7 @@ def examined(
     seeds: tuple[int, int],
     choose: Callable[[list[Tried]], Tried] = simplest,
     denoised: bool = False,
+    closer: int = 1,
 ) -> Work[tuple[Model, list[dict[str, Any]]]]:
     """Return the model of a group that is chosen of the best of every level, and what was tried, diffuse first.
 
@@ -83,6 +85,8 @@ def examined(
         From the best of every level, the simplest first.
     denoised : bool
         Whether pictures are; noise is then no longer independent of the seed.
+    closer : int
+        Times the samples by which lobes are moved.
     """
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
     levels = LEVELS[: LEVELS.index(most) + 1]
@@ -91,18 +95,19 @@ def examined(
     if "isotropic" in levels:
         now = room.models[number]
         known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
-        best, fit = yield from group.best(diffuse, [*map(_glossy, SLOPES), *(one for one in known if one.ratio == 1)])
         plain, sharp = group.fitted(diffuse), group.fitted(diffuse, group.shown(_glossy(SHARP)))
+        slopes = SLOPES if sharp.error > LIKE_MIRROR * plain.error else SLOPES[:2]
+        best, fit = yield from group.best(diffuse, [*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
         has_lobe = better(plain, fit, WORTH) and fit.error < sharp.error
         if has_lobe:
-            best = yield from group.anew(1, CLOSER).descended(best, ("alpha",))
+            best, fit = yield from group.anew(1, closer).descended(best, ("alpha",))
         lobes["isotropic"] = best
         if "anisotropic" in levels and has_lobe:
-            slopes = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
-            trials = [_glossy(alpha, RATIO, float(angle)) for alpha in slopes for angle in ANGLES]
-            brushed, _ = yield from group.best(diffuse, [*trials, *(one for one in known if one.ratio > 1)])
-            brushed = yield from group.anew(1, CLOSER).descended(brushed, SHAPES)
-            lobes |= {"anisotropic": brushed} if brushed.ratio > 1 else {}
+            wide = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
+            trials = [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in ANGLES]
+            brushed, found = yield from group.best(diffuse, [*trials, *(one for one in known if one.ratio > 1)])
+            if better(fit, found, WORTH):
+                lobes["anisotropic"], _ = yield from group.anew(1, closer).descended(brushed, SHAPES)
     group = group.anew(2, FINAL)
     diffuse = group.shown(WHITE)
     fit = group.fitted(diffuse)
@@ -155,7 +160,7 @@ class _Group:
             yield Progress("levels", 1, 2)
         return min(tried, key=lambda pair: pair[1].error)
 
-    def descended(self, lobe: Model, kinds: Sequence[str]) -> Work[Model]:
+    def descended(self, lobe: Model, kinds: Sequence[str]) -> Work[tuple[Model, Fit]]:
         """Return the lobe that steps of Gauss and Newton lead to, each taken only if it leaves less unexplained.
 
         Reflectances are solved for at every step. Seeds stay the same, so that the error is a smooth function of the
@@ -169,16 +174,19 @@ class _Group:
                 changes.append((self.shown(moved(lobe, kind, STEPS[kind])) - picture) / STEPS[kind])
                 yield Progress("levels", 1, 2)
             by = self._step(diffuse, picture, fit, changes, damping)
+            shares = [value / LONGEST[kind] for kind, value in zip(kinds, by, strict=True)]
+            if np.abs(shares).max() < SETTLED:
+                break
             candidate = lobe
-            for kind, value in zip(kinds, by, strict=True):
-                candidate = moved(candidate, kind, np.clip(value, -LONGEST[kind], LONGEST[kind]))
+            for kind, share in zip(kinds, shares, strict=True):
+                candidate = moved(candidate, kind, LONGEST[kind] * np.clip(share, -1, 1))
             there = self.shown(candidate)
             found = self.fitted(diffuse, there)
             if found.error < fit.error:
                 lobe, picture, fit, damping, changes = candidate, there, found, damping / 10, []
             else:
                 damping *= 30
-        return lobe
+        return lobe, fit
 
     def _step(self, diffuse: Array, picture: Array, fit: Fit, changes: list[Array], damping: float) -> Array:
         """Return the Gauss-Newton step of a lobe's shape beside that of both reflectances."""

@@ -41,9 +41,10 @@ LEVELS_END = 0.6  # share of the budget after which that ends: the last moves ar
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
 LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves more is not explained by lobes
-PATTERN = 0.2  # relative error that is left, above which what lobes do not help at all has a texture
-NOTED_SAMPLES = 16  # a pixel of both pictures by which a stage's error is written down
-PICTURE_SAMPLES = 16  # of a picture that is denoised
+FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
+CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
+NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
+PICTURE_SAMPLES = 8  # of a picture that is denoised
 ALL = "all"
 
 
@@ -206,8 +207,8 @@ class Search:
         """Look for a level for every group whose picture is not explained; return whether one changed.
 
         What no level explains has a texture; that is said of one group at a time, of the one that is explained least,
-        and not before all other groups have their level, unless lobes do nothing at all for it: what is wrong elsewhere
-        shows in reflections.
+        and not before all other groups have their level, unless it is a fine pattern that lobes do nothing for: what is
+        wrong elsewhere shows in reflections.
         """
         evidence = self.evidence
         residuals = evidence.even_residuals()
@@ -222,7 +223,8 @@ class Search:
             before = self.room.models[number].level
             first, second = evidence.next_seed(), evidence.next_seed()
             best = yield from self._examined(number, (first, second))
-            self._choose(number, best)
+            if best.level != before or "alpha" in FREE[before]:  # else all groups together tell its reflectance better
+                self._choose(number, best)
             changed |= best.level != before
             if (
                 self._help(number) >= LOBES_HELP
@@ -231,7 +233,11 @@ class Search:
                 and self.settings.levels == "all"
             ):
                 self.patterned.add(number)
-        plain = [number for number in self.patterned if self._help(number) > NO_HELP and self._left(number) > PATTERN]
+        plain = [
+            number
+            for number in self.patterned
+            if self._help(number) > NO_HELP and evidence.fine_share(residuals, number) > FINE
+        ]
         if chosen := sorted(plain if changed else waiting, key=self._left)[-1:]:
             self.tried[chosen[0]].append({"level": "texture", "error": 0.0})
             self._choose(chosen[0], Model("texture", np.ones(3), np.zeros(3)))
@@ -249,7 +255,7 @@ class Search:
                 yield from self._paint_if_needed(number)
             elif "alpha" in FREE[model.level]:
                 first, second = self.evidence.next_seed(), self.evidence.next_seed()
-                best = yield from self._examined(number, (first, second))
+                best = yield from self._examined(number, (first, second), closer=CLOSER)
                 self._choose(number, best)
 
     def _told(self, words: str, _: Progress) -> Progress:
@@ -270,6 +276,7 @@ class Search:
         choose: Callable[[list[Tried]], Tried] = simplest,
         most: str = "anisotropic",
         denoised: bool = False,
+        closer: int = 1,
     ) -> Work[Model]:
         """Return the best model of a group without a texture."""
         evidence = self.evidence
@@ -277,7 +284,7 @@ class Search:
             most = min(most, self.settings.levels, key=LEVELS.index)
         self.room.paint(number, None)
         mask, weight = self.masks[number], evidence.weight
-        work = examined(self.room, number, mask, evidence.photograph, weight, most, seeds, choose, denoised)
+        work = examined(self.room, number, mask, evidence.photograph, weight, most, seeds, choose, denoised, closer)
         words = f"levels of {self.room.groups[number].name}"
         model, self.tried[number] = yield from retold(work, partial(self._told, words))
         return model

@@ -16,7 +16,7 @@ from .room import Room
 
 Array = NDArray[np.float64]
 Unknown = tuple[int, str]  # a group and a kind of its parameters, or a lamp and POWER
-DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 20_000  # a pixel of the whole picture; on a group's own pixels
+DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 6000  # a pixel of the whole picture; on a group's own pixels
 UNSEEN = 1e-3  # share of the largest derivative below which nothing in the picture tells of a group
 LONGEST = 0.7  # of a step: a factor of two
 MOST_CHANGE = 2.0  # of a pixel by the logarithm of a parameter, in radiances about it

@@ -15,7 +15,7 @@ from ...core.progress import Progress, Work
 from ..cycles import changed
 from .room import Room
 
-SAMPLES, SEED = 64, 3_000_000  # denoised
+SAMPLES, SEED = 24, 3_000_000  # denoised
 TURN = 12.0  # of the camera about what it looks at [degrees]
 GRID = 24  # rays along each side of the picture
 LEVEL = 0.9  # upward part of the normal of what a thing can stand on
