@@ -16,7 +16,7 @@ from pipeline.blender import scene as scenes
 from pipeline.blender.inverse.solve import Search
 from pipeline.core import images
 from pipeline.core.inverse import Model
-from scenes import colour_box
+from scenes import colour_box, rooms
 
 TRUE = {
     "Floor": colour_box.FLOOR,
@@ -162,6 +162,22 @@ def test_the_recovered_file_renders_the_photograph(found: dict[str, Any], box: P
     page = (box / "out" / "report.html").read_text()
     for words in ("What each group reflects", "Every group diffuse", "A mirror ball put in", "taken away", "Side"):
         assert words in page
+
+
+def test_where_all_is_known_nothing_is_moved(tmp_path: Path) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    corners = [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)]
+    rooms.quad(scene, "Card", corners, rooms.surface("Card", (0.5, 0.5, 0.5)))
+    rooms.lamp(scene, (0, -1, 2), (0.5, 0.5), 20.0)
+    rooms.camera(scene, (0, -3, 0), (0, 0, 0), 30.0)
+    scene.render.resolution_x, scene.render.resolution_y = 16, 12
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "card.blend"))
+    images.write_rgb(tmp_path / "grey.exr", np.full((12, 16, 3), 0.2, np.float32))
+    words = ["inverse", str(tmp_path / "card.blend"), str(tmp_path / "grey.exr"), "-o", str(tmp_path / "out")]
+    assert cli.main([*words, "--json", str(tmp_path / "found.json"), "--known", "Card=.3,.4,.5"]) == 0
+    card = json.loads((tmp_path / "found.json").read_text())["groups"]["Card"]
+    assert card["known"] and card["rho_d"] == pytest.approx([0.3, 0.4, 0.5])
 
 
 @pytest.mark.parametrize(

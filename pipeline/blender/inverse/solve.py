@@ -326,6 +326,8 @@ class Search:
         if self._spent() > end and not least:
             return
         evidence, wanted = self.evidence, unknowns(self.room, shapes=least > 0)
+        if not wanted:  # all is known, or a texture
+            return
         free = [place for place, (_, kind) in enumerate(wanted) if kind in (*COLOURED, POWER)]
         slopes = yield from retold(derivatives(evidence, wanted), lambda _: self._step("derivatives"))
         best: tuple[float, State, Array] | None = None
