@@ -41,6 +41,7 @@ LEVELS_END = 0.6  # share of the budget after which that ends: the last moves ar
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
 LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves more is not explained by lobes
+COARSE = 0.15  # relative error that is left, above which what varies smoothly has a texture: else it may be the light's
 FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
 CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
@@ -141,7 +142,7 @@ class Search:
                 break
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         yield from self._look_again()
-        yield from self._refine("refine", rounds=15, samples=32, damping=0.01, least=1)
+        yield from self._refine("refine", rounds=15, samples=32, damping=0.03, least=1)
         return self._found()
 
     def stopped(self) -> Found | None:
@@ -233,12 +234,10 @@ class Search:
                 and self.settings.levels == "all"
             ):
                 self.patterned.add(number)
-        plain = [
-            number
-            for number in self.patterned
-            if self._help(number) > NO_HELP and evidence.fine_share(residuals, number) > FINE
-        ]
-        if chosen := sorted(plain if changed else waiting, key=self._left)[-1:]:
+        fine = {number: evidence.fine_share(residuals, number) > FINE for number in self.patterned}
+        plain = [number for number, is_fine in fine.items() if is_fine and self._help(number) > NO_HELP]
+        still = [number for number in waiting if errors[number] > (WORTH if fine[number] else COARSE)]
+        if chosen := sorted(plain if changed else still, key=self._left)[-1:]:
             self.tried[chosen[0]].append({"level": "texture", "error": 0.0})
             self._choose(chosen[0], Model("texture", np.ones(3), np.zeros(3)))
             paint(self.evidence, chosen[0])
@@ -320,8 +319,9 @@ class Search:
 
         The shapes of lobes stay: the picture is no straight function of them. They are moved by searches, and are among
         the unknowns here where error bars of all are stated.
-        A step that more than doubles the error is taken back, the next is shorter. A parameter whose step changes its
-        sign goes in shorter steps from then on (Kesten 1958), so that it settles in the mean of what noise makes of it.
+        A step that more than doubles the least error is taken back, the next is shorter. A parameter whose step changes
+        its sign goes in shorter steps from then on (Kesten 1958), so that it settles in the mean of what noise makes of
+        it.
         """
         if self._spent() > end and not least:
             return
@@ -341,7 +341,7 @@ class Search:
             if best is not None and error > 2 * best[0] + STEADY * noise:
                 self.room.set(best[1])
                 residuals, damping = best[2], 10 * damping
-            else:
+            elif best is None or error < best[0]:
                 best = error, self.room.state(), residuals
             moving = [wanted[place] for place in free]
             moves, _, untold = step(evidence, moving, slopes[:, free], residuals, damping)
@@ -357,6 +357,10 @@ class Search:
             yield self._step(stage)
             if min(n.min() for n in turns) >= 2 and self._uncertainty() < self.settings.target / 100:
                 break
+        if best is not None:  # the last step, too, is taken back where it leads away
+            error, noise = evidence.error(evidence.residuals(samples))
+            if error > 2 * best[0] + STEADY * noise:
+                self.room.set(best[1])
         self._picture(stage)
 
     def _look(self, wanted: list[Unknown], untold: set[int]) -> None:
