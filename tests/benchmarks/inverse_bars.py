@@ -23,6 +23,7 @@ import normal_captures as captures
 
 from pipeline.blender import scene as scenes
 from pipeline.blender.inverse.photograph import photographed
+from pipeline.blender.pixels import array
 from pipeline.core.images import read_rgb
 from pipeline.core.inverse.estimate import noiseless_rmse
 from pipeline.core.inverse.photograph import averaged
@@ -107,8 +108,7 @@ def picture_error(recovered: Path, photographs: tuple[Path, Path]) -> float:
 def texture_error(recovered: Path) -> float:
     """Return the mean relative error of the poster's reflectance over cells of about two pixels [%]."""
     scenes.load(str(recovered))
-    image = bpy.data.images["Poster Reflectance"]
-    found = np.array(image.pixels[:], np.float64).reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+    found = array(bpy.data.images["Poster Reflectance"])
     seen, true = (averaged(averaged(one, CELLS[0], 0), CELLS[1], 1) for one in (found, desk_room.poster()))
     return float(100 * np.abs(seen / true - 1).mean())
 

@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-ROOM, SECONDS, PASSES = "colour-box", 60, 16
+ROOM, SECONDS = "colour-box", 60
 LIMITS = (5.0, 2.0, 1.0)
 SAMPLES, RATE, DEPTH = 16, 0.05, 64  # of Mitsuba: a pixel of both renders, Adam's step, bounces
 
@@ -36,6 +36,8 @@ def main() -> None:
     if given.as_mitsuba:
         mitsuba(given.as_mitsuba)
         return
+    from inverse_bars import farthest  # needs Blender, which Mitsuba's environment lacks
+
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder)
         true = box(made)
@@ -48,11 +50,6 @@ def main() -> None:
         errors = [(at, max(farthest(found[group], true[group]) for group in true)) for at, found in course]
         times = [reached(errors, limit) for limit in LIMITS]
         print(f"{name:16}" + "".join(f"{t:>10}" for t in times) + f"{errors[-1][1]:12.2f} %")
-
-
-def farthest(found: Any, true: Any) -> float:
-    """Return the largest relative difference [%]."""
-    return float(100 * np.abs(np.asarray(found) / np.asarray(true) - 1).max())
 
 
 def reached(errors: list[tuple[float, float]], limit: float) -> str:
@@ -102,19 +99,8 @@ def ours(made: Path, method: str) -> list[Any]:
     import normal_captures as captures
 
     out = made / method
-    words = (
-        "-o",
-        out,
-        "--json",
-        made / f"{method}.json",
-        "--budget",
-        SECONDS,
-        "--method",
-        method,
-        "--levels",
-        "diffuse",
-    )
-    captures.command("inverse", ROOM, made / "photograph.exr", *words)
+    words = ("-o", out, "--json", made / f"{method}.json", "--budget", SECONDS)
+    captures.command("inverse", ROOM, made / "photograph.exr", *words, "--method", method, "--levels", "diffuse")
     found = json.loads((made / f"{method}.json").read_text(encoding="utf-8"))
     return [(one["seconds"], one["diffuse"]) for one in found["history"]]
 

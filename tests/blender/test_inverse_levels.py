@@ -11,6 +11,7 @@ import pytest
 
 from pipeline import cli
 from pipeline.blender import cycles
+from pipeline.blender.pixels import array
 from pipeline.core.inverse.photograph import averaged
 from scenes import rooms
 from scenes.rooms import surface
@@ -62,8 +63,7 @@ def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
     assert groups["Floor"]["rho_d"] == pytest.approx(FLOOR, rel=0.04)
     assert groups["Block"]["rho_d"] == pytest.approx(BLOCK, rel=0.1)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "recovered.blend"))
-    image = bpy.data.images["Poster Reflectance"]
-    texels = np.array(image.pixels[:], np.float64).reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+    texels = array(bpy.data.images["Poster Reflectance"])
     seen, true = (averaged(averaged(one, CELLS[0], 0), CELLS[1], 1) for one in (texels, stripes()))
     assert np.abs(seen / true - 1).mean() < 0.06
     assert np.abs(seen[::-1] / true - 1).mean() > 0.2  # upside down

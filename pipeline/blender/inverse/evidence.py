@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from ...core.inverse.estimate import unexplained
+from ...core.inverse.estimate import fitting, unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
+from ...core.inverse.texture import smoothed
 from .levels import ENOUGH
 from .room import Room
 
@@ -43,15 +43,14 @@ class Evidence:
         self.room = room
         self.photograph = photograph.pixels
         self.index, self.uv = room.layers_of_pixels()
-        trusted = photograph.trusted & (self.index >= 0)
-        kept = trusted & inner(self.index)
+        self._trusted = photograph.trusted & (self.index >= 0)
+        kept = self._trusted & inner(self.index)
         count = len(room.groups)
         for number in range(count):  # a group that is all edge keeps its pixels
             if (kept & (self.index == number)).sum() < FEWEST:
-                kept |= trusted & (self.index == number)
+                kept |= self.whole(number)
         self.masks = [kept & (self.index == number) for number in range(count)]
         self.weight = weights(self.photograph) * kept[..., None]
-        self._trusted = trusted
         self._seed = 0
 
     def next_seed(self) -> int:
@@ -88,9 +87,7 @@ class Evidence:
     def ratio(self, shown: Array, number: int) -> Array:
         """Return what a group's pixels in a render are to be multiplied by to be the photograph's, (3,)."""
         mask = self.masks[number]
-        part, w = shown[mask], self.weight[mask]
-        ratio = (w * part * self.photograph[mask]).sum(axis=0) / np.maximum((w * part**2).sum(axis=0), 1e-30)
-        return np.asarray(np.maximum(ratio, 1e-3))
+        return np.asarray(np.maximum(fitting(shown[mask], self.photograph[mask], self.weight[mask]), 1e-3))
 
     def error(self, residuals: Array) -> tuple[float, float]:
         """Return the mean square relative error of the picture, and its standard deviation by noise."""
@@ -108,7 +105,6 @@ class Evidence:
     def fine_share(self, residuals: Array, number: int) -> float:
         """Return what share of a group's unexplained square varies over few pixels: light does not, patterns do."""
         mask = self.masks[number]
-        missing = np.sqrt(self.weight) * residuals * mask[..., None]
-        near = gaussian_filter(mask.astype(np.float64), SMOOTH)[..., None]
-        fine = missing - gaussian_filter(missing, (0, SMOOTH, SMOOTH, 0)) / np.maximum(near, 1e-9)
+        missing = np.sqrt(self.weight) * residuals
+        fine = [one - smoothed(one, mask, SMOOTH) for one in missing]
         return float((fine[0] * fine[1])[mask].mean() / max((missing[0] * missing[1])[mask].mean(), 1e-30))

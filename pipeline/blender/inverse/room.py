@@ -121,19 +121,6 @@ class Room:
             self.show(number, moved(self.models[number], kind, by))
 
     @contextlib.contextmanager
-    def moving(self, number: int, kind: str, by: float) -> Iterator[None]:
-        """Move a parameter for a while."""
-        before = self.powers[number] if kind == POWER else self.models[number]
-        self.move(number, kind, by)
-        try:
-            yield
-        finally:
-            if isinstance(before, Model):
-                self.show(number, before)
-            else:
-                self.power(number, before)
-
-    @contextlib.contextmanager
     def trying(self, number: int, model: Model) -> Iterator[None]:
         """Let a group show another model for a while."""
         before = self.models[number]
@@ -143,16 +130,30 @@ class Room:
         finally:
             self.show(number, before)
 
-    def alone(self, number: int | None, samples: int, seed: int) -> Array:
-        """Render with no lamp but one, or none: what else shines stays."""
+    @contextlib.contextmanager
+    def shining(self, powers: Sequence[float]) -> Iterator[None]:
+        """Let the lamps have other powers for a while."""
         before = list(self.powers)
         try:
-            for other in range(len(self.lamps)):
-                self.power(other, 1.0 if other == number else 0.0)
-            return self.render(samples, seed)
+            for number, factor in enumerate(powers):
+                self.power(number, factor)
+            yield
         finally:
-            for other, factor in enumerate(before):
-                self.power(other, factor)
+            for number, factor in enumerate(before):
+                self.power(number, factor)
+
+    def moving(self, number: int, kind: str, by: float) -> contextlib.AbstractContextManager[None]:
+        """Move a parameter for a while."""
+        if kind == POWER:
+            powers = list(self.powers)
+            powers[number] *= float(np.exp(by))
+            return self.shining(powers)
+        return self.trying(number, moved(self.models[number], kind, by))
+
+    def alone(self, number: int | None, samples: int, seed: int) -> Array:
+        """Render with no lamp but one, or none: what else shines stays."""
+        with self.shining([float(other == number) for other in range(len(self.lamps))]):
+            return self.render(samples, seed)
 
     def state(self) -> State:
         """Return what all groups and lamps show now."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -26,6 +25,7 @@ from ...core.inverse.estimate import noiseless_rmse
 from ...core.inverse.photograph import Photograph
 from ...core.progress import Progress, Work, retold
 from .evidence import STEADY, Evidence
+from .found import Found
 from .lamps import start_lamps
 from .levels import Tried, examined, simplest
 from .paint import paint
@@ -47,40 +47,6 @@ CLOSER = 4  # times the samples by which the shapes of lobes are looked for in t
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
 ALL = "all"
-
-
-@dataclass
-class Found:
-    """What the search ended with.
-
-    Parameters
-    ----------
-    models : list of Model
-    deviations : list of dict
-        Standard deviation of each kind of parameter that render noise causes: relative, of angles in degrees.
-    seen : list of str
-        ``"directly"``, ``"in reflections"`` or ``"not at all"``.
-    pixels : list of int
-        Pixels that show the group and are trusted.
-    tried : list of list of dict
-        Levels that were tried, each with its relative error.
-    lamps : list of dict
-        ``name``, ``watts`` and relative ``deviation`` of the lamps whose power was looked for.
-    history : list of dict
-        After every step: ``stage``, ``seconds``, ``error`` (relative, render noise taken off), and ``diffuse``, what
-        each group reflects.
-    pictures : dict of str to (H, W, 3) float64
-        What the room looked like when a stage last ended, denoised.
-    """
-
-    models: list[Model]
-    deviations: list[dict[str, Any]]
-    seen: list[str]
-    pixels: list[int]
-    tried: list[list[dict[str, Any]]]
-    lamps: list[dict[str, Any]] = field(default_factory=list)
-    history: list[dict[str, Any]] = field(default_factory=list)
-    pictures: dict[str, Array] = field(default_factory=dict)
 
 
 class Search:
@@ -222,8 +188,7 @@ class Search:
             if open_errors[number] <= max(WORTH, WORST * max(open_errors)) or self._spent() > LEVELS_END:
                 continue
             before = self.room.models[number].level
-            first, second = evidence.next_seed(), evidence.next_seed()
-            best = yield from self._examined(number, (first, second))
+            best = yield from self._examined(number)
             if best.level != before or "alpha" in FREE[before]:  # else all groups together tell its reflectance better
                 self._choose(number, best)
             changed |= best.level != before
@@ -253,8 +218,7 @@ class Search:
             if model.level == "texture":
                 yield from self._paint_if_needed(number)
             elif "alpha" in FREE[model.level]:
-                first, second = self.evidence.next_seed(), self.evidence.next_seed()
-                best = yield from self._examined(number, (first, second), closer=CLOSER)
+                best = yield from self._examined(number, closer=CLOSER)
                 self._choose(number, best)
 
     def _told(self, words: str, _: Progress) -> Progress:
@@ -271,14 +235,15 @@ class Search:
     def _examined(
         self,
         number: int,
-        seeds: tuple[int, int],
         choose: Callable[[list[Tried]], Tried] = simplest,
         most: str = "anisotropic",
         denoised: bool = False,
         closer: int = 1,
     ) -> Work[Model]:
-        """Return the best model of a group without a texture."""
+        """Return the best model of a group without a texture; of denoised pictures one seed tells all."""
         evidence = self.evidence
+        seed = evidence.next_seed()
+        seeds = seed, seed if denoised else evidence.next_seed()
         if self.settings.levels != "all":
             most = min(most, self.settings.levels, key=LEVELS.index)
         self.room.paint(number, None)
@@ -298,8 +263,7 @@ class Search:
 
     def _paint_if_needed(self, number: int) -> Work[None]:
         """Paint a texture anew with the surroundings as they are now, unless one reflectance explains the group now."""
-        first, second = self.evidence.next_seed(), self.evidence.next_seed()
-        plain = yield from self._examined(number, (first, second), most="diffuse")
+        plain = yield from self._examined(number, most="diffuse")
         if self._left(number) > WORTH:
             self.tried[number].append({"level": "texture", "error": 0.0})
             paint(self.evidence, number)
@@ -329,7 +293,7 @@ class Search:
         if not wanted:  # all is known, or a texture
             return
         free = [place for place, (_, kind) in enumerate(wanted) if kind in (*COLOURED, POWER)]
-        slopes = yield from retold(derivatives(evidence, wanted), lambda _: self._step("derivatives"))
+        slopes = yield from retold(derivatives(evidence, wanted), partial(self._told, "derivatives"))
         best: tuple[float, State, Array] | None = None
         turns = [np.zeros(3 if wanted[place][1] in COLOURED else 1) for place in free]
         last = [np.zeros_like(one) for one in turns]
@@ -344,8 +308,9 @@ class Search:
             elif best is None or error < best[0]:
                 best = error, self.room.state(), residuals
             moving = [wanted[place] for place in free]
-            moves, _, untold = step(evidence, moving, slopes[:, free], residuals, damping)
-            _, spread, _ = step(evidence, wanted, slopes, residuals, damping)
+            moves, spread, untold = step(evidence, moving, slopes[:, free], residuals, damping)
+            if len(free) < len(wanted):
+                _, spread, _ = step(evidence, wanted, slopes, residuals, damping)
             turns = [n + (by * before < 0) for n, by, before in zip(turns, moves, last, strict=True)]
             gains, last = [1 / (1 + n) for n in turns], moves
             self.deviations |= {unknown: sd.tolist() for unknown, sd in zip(wanted, spread, strict=True)}
@@ -361,6 +326,7 @@ class Search:
             error, noise = evidence.error(evidence.residuals(samples))
             if error > 2 * best[0] + STEADY * noise:
                 self.room.set(best[1])
+                self._keep()
         self._picture(stage)
 
     def _look(self, wanted: list[Unknown], untold: set[int]) -> None:
@@ -394,6 +360,9 @@ class Search:
         error = noiseless_rmse(residuals, evidence.photograph, evidence.weight[..., 0] > 0)
         diffuse = {group.name: m.diffuse.tolist() for group, m in zip(self.room.groups, self.room.models, strict=True)}
         self.history.append({"stage": stage, "seconds": seconds, "error": error, "diffuse": diffuse})
+        self._keep()
+
+    def _keep(self) -> None:
         self.kept = self.room.state(), dict(self.deviations)
 
 

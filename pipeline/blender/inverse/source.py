@@ -17,9 +17,10 @@ from ...core.inverse import FREE, InverseSettings, Model, moved, thresholds
 from ...core.inverse.photograph import Photograph
 from ...core.inverse.texture import reflectance_map, sharpened
 from ...core.progress import Work
+from .found import Found
 from .levels import Tried
 from .room import Room
-from .solve import Found, Search
+from .solve import Search
 
 Array = NDArray[np.float64]
 RATIO_ROUNDS, SETTLED = 8, 0.01  # of correction by ratios; change of any reflectance at which they end
@@ -91,10 +92,11 @@ class Source(Search):
             settled = not mask.any() or number in self.room.known or before[number] == "texture"
             if settled or np.sqrt(squares[mask].mean()) <= self.limits[0] or self._spent() > 1:
                 continue
-            seed = evidence.next_seed()
             paints = bool(self.room.layers[number]) and self.settings.levels == "all"
             choose = partial(self._chosen, paints=paints)
-            model = yield from self._examined(number, (seed, seed), choose, denoised=True)
+            model = yield from self._examined(number, choose, denoised=True)
+            if model.level == "texture":  # begins with what was shown, one reflectance for all
+                self.texels[number] = np.tile(self.room.models[number].diffuse, (int(mask.sum()), 1))
             self._choose(number, model)
             if model.level == "texture":
                 self._paint_by_ratio(number, shown)
@@ -119,11 +121,8 @@ class Source(Search):
         return best
 
     def _paint_by_ratio(self, number: int, shown: Array) -> None:
-        """Correct every texel by the ratio of photograph to render; begin with one reflectance for all."""
+        """Correct every texel by the ratio of photograph to render."""
         mask = self.masks[number]
-        if number not in self.texels:
-            ratio = self.evidence.ratio(shown, number)
-            self.texels[number] = np.tile(self.room.models[number].diffuse * ratio, (int(mask.sum()), 1))
         self.texels[number] = sharpened(self.texels[number], self.evidence.photograph[mask], shown[mask])
         self.room.paint(number, reflectance_map(self.texels[number], self.evidence.uv[mask]))
 

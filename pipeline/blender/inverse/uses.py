@@ -11,17 +11,23 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
+from ...core.inverse import Model
 from ...core.progress import Progress, Work
+from ..ball import ball
 from ..cycles import changed
+from ..lamps import lamp
+from ..meshes import add_mesh
+from . import closures
 from .room import Room
 
 SAMPLES, SEED = 24, 3_000_000  # denoised
 TURN = 12.0  # of the camera about what it looks at [degrees]
 GRID = 24  # rays along each side of the picture
 LEVEL = 0.9  # upward part of the normal of what a thing can stand on
-BALL = 0.07  # radius over the distance from the camera
+BALL, MIRROR = 0.07, 0.9  # radius over the distance from the camera, and reflectance
 LARGEST = 0.2  # share of the picture that a thing may cover that is taken away
-ASIDE = (-0.35, 0.25)  # of the lamp beside the camera, to its right and up, over the distance
+POWER = 40.0  # of the lamp beside the camera over the squared distance [W/m^2]
+ASIDE = (-0.35, 0.25)  # where it is, to the right and up, over the distance
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,8 @@ def pictures(room: Room) -> Work[dict[str, NDArray[np.float64]]]:
     scene = room.scene
     scene.view_layers[0].update()
     seen = list(_seen(scene))
+    if not seen:
+        return {}
     ways: list[Callable[[bpy.types.Scene, list[Seen]], contextlib.AbstractContextManager[str]]]
     ways = [_another_view, _another_light, _ball_put_in, _thing_taken_away]
     found = {}
@@ -81,9 +89,6 @@ def _reach(scene: bpy.types.Scene, seen: list[Seen]) -> float:
 @contextlib.contextmanager
 def _another_view(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
     """Turn the camera about what is in the middle of the picture."""
-    if not seen:
-        yield ""
-        return
     pivot = min(seen, key=lambda one: one.off).point
     before = scene.camera.matrix_world.copy()
     about = Matrix.Translation(pivot) @ Matrix.Rotation(np.radians(TURN), 4, "Z") @ Matrix.Translation(-pivot)
@@ -98,23 +103,13 @@ def _another_view(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
 def _another_light(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
     """Put the lamps out and a small one beside the camera."""
     lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
-    if not seen or not lamps:
-        yield ""
-        return
     reach = _reach(scene, seen)
-    data = bpy.data.lights.new("Lightsphere", "POINT")
-    data.energy, data.shadow_soft_size = 40.0 * reach**2, 0.02 * reach
-    lamp = bpy.data.objects.new("Lightsphere", data)
-    lamp.location = scene.camera.matrix_world @ Vector((ASIDE[0] * reach, ASIDE[1] * reach, 0.0))
-    scene.collection.objects.link(lamp)
-    try:
-        with contextlib.ExitStack() as stack:
-            for item in lamps:
-                stack.enter_context(changed(item, {"hide_render": True}))
-            yield "The lamps out, a small one beside the camera."
-    finally:
-        bpy.data.objects.remove(lamp)
-        bpy.data.lights.remove(data)
+    with lamp(scene, "near") as small, contextlib.ExitStack() as stack:
+        small.data.energy, small.data.shadow_soft_size = POWER * reach**2, 0.02 * reach
+        small.location = scene.camera.matrix_world @ Vector((ASIDE[0] * reach, ASIDE[1] * reach, 0.0))
+        for item in lamps:
+            stack.enter_context(changed(item, {"hide_render": True}))
+        yield "The lamps out, a small one beside the camera." if lamps else ""
 
 
 @contextlib.contextmanager
@@ -126,23 +121,17 @@ def _ball_put_in(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
         return
     place = min(level, key=lambda one: one.off).point
     radius = BALL * (place - scene.camera.matrix_world.translation).length
-    mesh = bpy.data.meshes.new("Lightsphere")
-    made = bpy.data.materials.new("Lightsphere")
-    if bpy.app.version < (5, 0):
-        made.use_nodes = True
-    closure = made.node_tree.nodes["Principled BSDF"].inputs
-    closure["Metallic"].default_value, closure["Roughness"].default_value = 1.0, 0.03
-    _round(mesh, radius)
-    mesh.materials.append(made)
-    ball = bpy.data.objects.new("Lightsphere", mesh)
-    ball.location = place + Vector((0.0, 0.0, radius))
-    scene.collection.objects.link(ball)
+    mirror = closures.group_material("Lightsphere", "")
+    closures.show(mirror, Model("mirror", np.zeros(3), np.full(3, MIRROR)))
+    item = add_mesh(scene, "Lightsphere", ball(), mirror)
+    item.scale, item.location = (radius,) * 3, place + Vector((0.0, 0.0, radius))
     try:
         yield "A mirror ball put in."
     finally:
-        bpy.data.objects.remove(ball)
+        mesh = item.data
+        bpy.data.objects.remove(item)
         bpy.data.meshes.remove(mesh)
-        bpy.data.materials.remove(made)
+        bpy.data.materials.remove(mirror)
 
 
 @contextlib.contextmanager
@@ -156,14 +145,3 @@ def _thing_taken_away(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]
     taken = max(things, key=lambda item: (counts[item], item.name))
     with changed(taken, {"hide_render": True}):
         yield f"{taken.name} taken away."
-
-
-def _round(mesh: bpy.types.Mesh, radius: float) -> None:
-    """Make a mesh a smooth ball."""
-    import bmesh  # only after bpy
-
-    made = bmesh.new()
-    bmesh.ops.create_uvsphere(made, u_segments=64, v_segments=32, radius=radius)
-    made.to_mesh(mesh)
-    made.free()
-    mesh.shade_smooth()

@@ -56,6 +56,12 @@ def unexplained(residuals: Array, weight: Array) -> tuple[float, float]:
     return float(products.mean()), float(np.sqrt(variance.sum()) / len(products))
 
 
+def fitting(shown: Array, wanted: Array, weight: Array) -> Array:
+    """Return by what pixels (P, 3) are to be multiplied, per colour, to be wanted ones, (3,), by least squares."""
+    power = (weight * shown**2).sum(axis=0)
+    return np.asarray((weight * shown * wanted).sum(axis=0) / np.maximum(power, 1e-30))
+
+
 def noiseless_rmse(residuals: Array, photograph: Array, used: NDArray[np.bool_]) -> float:
     """Return the root mean square of residuals by two seeds (2, H, W, 3) over the photograph's, render noise taken off.
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from .estimate import fitting
+
 Array = NDArray[np.float64]
 
 
@@ -39,17 +41,17 @@ def powers(
     free = np.array([number not in fixed for number in range(len(pictures))])
     factors = np.array([fixed.get(number, 1.0) for number in range(len(pictures))])
     root = np.sqrt(weight)
+    wanted = photograph * root
+    even = np.ones_like(weight)
     groups = [(int(number), group == number) for number in np.unique(group)]
 
     def missing(found: Array) -> Array:
         """Return weighted residuals when every group reflects as fits these powers best (variable projection)."""
         factors[free] = found
         shown = np.tensordot(factors, pictures, 1) * root
-        wanted = photograph * root
         for number, mine in groups:
-            part = shown[mine]
-            fitting = (part * wanted[mine]).sum(axis=0) / np.maximum((part**2).sum(axis=0), 1e-30)
-            shown[mine] *= known.get(number, fitting)
+            factor = known[number] if number in known else fitting(shown[mine], wanted[mine], even[mine])
+            shown[mine] *= factor
         return np.asarray((shown - wanted).ravel())
 
     if free.any():

@@ -21,9 +21,13 @@ def light_on(white: Array, mask: NDArray[np.bool_]) -> Array:
 
     Pixels beside the mask get what those near them have.
     """
-    share = gaussian_filter(mask.astype(np.float64), SMOOTH)
-    light = gaussian_filter(white * mask[..., None], (SMOOTH, SMOOTH, 0))
-    return np.asarray(light / np.maximum(share, 1e-9)[..., None])
+    return smoothed(white, mask, SMOOTH)
+
+
+def smoothed(values: Array, mask: NDArray[np.bool_], width: float) -> Array:
+    """Return values (H, W, 3) averaged over a Gaussian of a width [px], those in a mask alone."""
+    share = gaussian_filter(mask.astype(np.float64), width)
+    return np.asarray(gaussian_filter(values * mask[..., None], (width, width, 0)) / np.maximum(share, 1e-9)[..., None])
 
 
 def seen_reflectance(
