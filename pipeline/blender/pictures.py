@@ -6,15 +6,19 @@ No transfer curve, white balance, orientation or alpha is applied: the numbers a
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..core import images
 from ..core.errors import LightsphereError
+from ..core.photographs.develop import FULL_FRAME
 from ..core.photographs.files import RAW
 from ..core.photographs.photographs import FLOAT_BITS, Picture
 from .exr import openimageio
 
+RESOLUTION_UNITS = {2: 25.4, 3: 10.0}  # of EXIF's focal plane: inch and centimetre [mm]
+SAME_ASPECT = 0.02  # relative difference of aspects that rounding makes
 BITS = {"uint8": 8, "uint16": 16, "uint32": 32}
 
 
@@ -50,7 +54,31 @@ def _read(path: Path) -> Picture:
         pixels = np.repeat(pixels[..., :1], 3, axis=-1)
     seconds = spec.get_float_attribute("ExposureTime", 0.0)
     bits = BITS.get(str(spec.format), FLOAT_BITS)
-    return Picture(np.ascontiguousarray(pixels[..., :3]), bits, seconds if seconds > 0 else None)
+    return Picture(np.ascontiguousarray(pixels[..., :3]), bits, seconds if seconds > 0 else None, _focal(spec))
+
+
+def _focal(spec: Any) -> float | None:
+    """Return the focal length by EXIF, as if the picture's longer side were 36 mm; None for one that was cropped.
+
+    The length as of 35 mm film is by the diagonal (CIPA DCG-001); else it is by the sensor's resolution.
+    """
+    taken = [
+        spec.get_int_attribute(f"Exif:Pixel{axis}Dimension", size)
+        for axis, size in (("X", spec.width), ("Y", spec.height))
+    ]
+    longer, shorter = max(taken), min(taken)
+    if abs(longer / max(shorter, 1) / (max(spec.width, spec.height) / min(spec.width, spec.height)) - 1) > SAME_ASPECT:
+        return None
+    if equivalent := spec.get_int_attribute("Exif:FocalLengthIn35mmFilm", 0):
+        return float(
+            equivalent * np.hypot(longer, shorter) / longer * FULL_FRAME / np.hypot(FULL_FRAME, 2 / 3 * FULL_FRAME)
+        )
+    length = spec.get_float_attribute("Exif:FocalLength", 0.0)
+    resolution = spec.get_float_attribute("Exif:FocalPlaneXResolution", 0.0)
+    unit = RESOLUTION_UNITS.get(spec.get_int_attribute("Exif:FocalPlaneResolutionUnit", 2))
+    if not (length > 0 and resolution > 0 and unit):
+        return None
+    return float(length * resolution / unit / longer * FULL_FRAME)
 
 
 def _read_raw(path: Path) -> Picture:

@@ -20,6 +20,7 @@ from ..core.relight import RelightSettings, emitters, environment, messages
 from ..core.relight.emitters import Emitter
 from ..core.relight.film import moving_light
 from ..core.relight.render import check_outside, prepare, relit
+from ..core.relight.stack import Expected
 from ..core.shape import Shape
 from ..core.tradeoff import Variant
 from ..core.tradeoff.excerpt import AROUND
@@ -32,6 +33,7 @@ from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, sett
 
 FRAMES = 72
 PER_SECOND = 24
+SPARSE = 15.0  # degrees between lights from which on what lies between them is guessed
 
 
 @settings_options(RelightSettings)
@@ -95,6 +97,8 @@ def relight(
             settings = dataclasses.replace(settings, **promise.expected.settings)
             used, unseen = held_out(capture)
         prepared = run_with_bar(prepare(thinned_to(used, settings.pictures), shape, settings))
+        spacing = (prepared.stack if isinstance(prepared, Expected) else prepared).spacing()
+        figures.values["light_spacing_deg"] = spacing
         output.mkdir(parents=True, exist_ok=True)
         if together:
             write(output, ["relit"], [run_with_bar(relit(prepared, together))])
@@ -110,6 +114,12 @@ def relight(
         figures.summary = f"{count} pictures in {output}" + (f", film.mp4 of {FRAMES} of them" if film else "")
         if goal:
             figures.obtained(held_out_errors(prepared, capture, unseen))
+    if spacing > SPARSE:
+        print(
+            f"lightsphere: {folder}: the capture's lights stand {spacing:.0f} degrees apart, so that highlights "
+            "between them are guessed; photograph under more lights, or render the shape's material in Blender",
+            file=sys.stderr,
+        )
 
 
 @settings_options(RelightSettings)

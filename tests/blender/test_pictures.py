@@ -31,13 +31,15 @@ def test_a_png_is_read_to_the_last_bit(tmp_path: Path, kind: type[Any], channels
     assert np.abs(read.pixels.astype(np.float64) * FULL[kind] - wanted).max() < 0.01
 
 
-def write(path: Path, values: np.ndarray, seconds: float = 0.0) -> None:
-    """Write a picture by OpenImageIO, with an exposure time."""
+def write(path: Path, values: np.ndarray, seconds: float = 0.0, **exif: float) -> None:
+    """Write a picture by OpenImageIO, with an exposure time and other entries of EXIF."""
     oiio = exr.openimageio()
     spec = oiio.ImageSpec(values.shape[1], values.shape[0], 3, str(values.dtype))
     spec.attribute("Orientation", 6)
     if seconds:
         spec.attribute("ExposureTime", seconds)
+    for name, value in exif.items():
+        spec.attribute(f"Exif:{name}", value)
     file = oiio.ImageOutput.create(str(path))
     assert file.open(str(path), spec) and file.write_image(values) and file.close()
 
@@ -61,6 +63,26 @@ def test_a_jpeg_is_read_with_its_exposure_time_and_not_turned(tmp_path: Path) ->
     read = pictures.read(tmp_path / "a.jpg")
     assert (read.bits, read.seconds) == (8, pytest.approx(0.0125))
     assert np.abs(read.pixels * 255 - values).mean() < 3
+
+
+@pytest.mark.parametrize(
+    ("size", "exif", "focal"),
+    [
+        ((60, 40), {"FocalLengthIn35mmFilm": 50}, 50.0),
+        ((40, 60), {"FocalLengthIn35mmFilm": 50}, 50.0),
+        ((80, 60), {"FocalLengthIn35mmFilm": 50}, 52.0),  # 43.27 mm of diagonal are 34.6 mm of the longer side
+        ((60, 40), {"FocalLength": 25.0, "FocalPlaneXResolution": 60 / 18 * 25.4, "FocalPlaneResolutionUnit": 2}, 50.0),
+        ((60, 40), {"FocalLength": 25.0, "FocalPlaneXResolution": 60 / 1.8, "FocalPlaneResolutionUnit": 3}, 50.0),
+        ((60, 40), {"FocalLength": 25.0}, None),
+        ((60, 60), {"FocalLengthIn35mmFilm": 50, "PixelXDimension": 90, "PixelYDimension": 60}, None),
+        ((60, 40), {"FocalLengthIn35mmFilm": 50, "PixelXDimension": 6000, "PixelYDimension": 4000}, 50.0),
+    ],
+)
+def test_a_jpeg_tells_the_lens_unless_it_was_cropped(
+    tmp_path: Path, size: tuple[int, int], exif: dict[str, float], focal: float | None
+) -> None:
+    write(tmp_path / "a.jpg", np.zeros((size[1], size[0], 3), np.uint8), **exif)
+    assert pictures.read(tmp_path / "a.jpg").focal == (focal and pytest.approx(focal, rel=2e-3))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 0.97])

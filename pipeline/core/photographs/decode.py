@@ -35,6 +35,8 @@ class Decoded:
         What was taken off.
     saturation : float
         Linear value from which a pixel is saturated, infinite for files of floats.
+    focal : float, optional
+        Focal length, where the file states it, as if the picture's longer side were 36 mm [mm].
     """
 
     linear: NDArray[np.float32]
@@ -43,6 +45,7 @@ class Decoded:
     times: tuple[float, ...]
     response: Response
     saturation: float
+    focal: float | None = None
 
 
 def decoded(shots: Sequence[Shot], response: str) -> Decoded:
@@ -67,7 +70,8 @@ def decoded(shots: Sequence[Shot], response: str) -> Decoded:
     curve = response_of(response, bits)
     known = [t for t in times if t is not None]
     linear = curve.decode(pictures[0].pixels) if len(pictures) == 1 else _merged(shots, pictures, known, curve)
-    return Decoded(linear, bits, min(known, default=None), tuple(known), curve, saturation(curve, bits))
+    shortest = min(known, default=None)
+    return Decoded(linear, bits, shortest, tuple(known), curve, saturation(curve, bits), pictures[0].focal)
 
 
 def _merged(

@@ -24,6 +24,7 @@ from .survey import Survey, light_warnings
 
 DIAMETER = 1.0  # [m] of the object, where nothing tells its size
 FULL_FRAME = 36.0  # [mm] of the longer side that focal lengths are stated for
+SAME_FOCAL = 0.02  # relative difference of focal lengths that rounding makes
 HALF_BITS = 10  # half floats keep 11 significant bits
 
 
@@ -59,7 +60,8 @@ def develop(photographs: Photographs, source: Path, folder: Path, settings: Impo
     mask, assumed = _mask(photographs, survey)
     limit = survey.saturation(min(picture.saturation for picture in pictures))
     survey.check(mask, source)
-    camera = photographs.camera or framing(mask, settings.focal)
+    focal = settings.focal or (0.0 if photographs.camera else _stated_focal(pictures))
+    camera = photographs.camera or framing(mask, focal)
     if camera.resolution != survey.shape[::-1]:
         raise LightsphereError(
             f"the camera is one of {camera.resolution[0]}x{camera.resolution[1]} pixels, the photographs are "
@@ -77,8 +79,14 @@ def develop(photographs: Photographs, source: Path, folder: Path, settings: Impo
         "response": ", ".join(dict.fromkeys(picture.response.name for picture in pictures)),
         "exposures": max(len(shots) for shots in photographs.shots),
         "object_pixels": int(mask.sum()),
+        **({} if photographs.camera else {"focal_mm": focal}),
         "saturated_pct": survey.saturated_pct(mask),
-        "assumed": [*photographs.assumed, *assumed, *_assumed_response(settings, pictures)],
+        "assumed": [
+            *photographs.assumed,
+            *assumed,
+            *_assumed_response(settings, pictures),
+            *([] if settings.focal or not focal else [f"a lens of {focal:.3g} mm on a full frame, as the files say"]),
+        ],
         "warnings": warnings,
     } | photographs.notes.get("calibration", {})
     notes: dict[str, Any] = {
@@ -150,8 +158,19 @@ def _identity(photographs: Photographs, settings: ImportSettings) -> Work[tuple[
         digest = images.checksum(shot.path) if shot.path else hashlib.sha256(shot.read().pixels.tobytes()).hexdigest()
         records.append({"file": shot.name, "sha256": digest})
         yield Progress("check", i + 1, len(shots) + len(others), "files")
-    value = [records, settings.response, photographs.lights.as_json()]
+    value = [records, settings.response, photographs.lights.as_json(), *([settings.focal] if settings.focal else [])]
     return hashlib.sha256(json.dumps(value).encode()).hexdigest(), records
+
+
+def _stated_focal(pictures: list[Decoded]) -> float:
+    """Return the focal length that the files state, 0 where none does; raise LightsphereError for several."""
+    stated = [picture.focal for picture in pictures if picture.focal]
+    if stated and max(stated) > (1 + SAME_FOCAL) * min(stated):
+        raise LightsphereError(
+            f"the photographs were taken with lenses of {min(stated):.3g} to {max(stated):.3g} mm; take all from one "
+            "place with one, or state it by --focal if the files are wrong"
+        )
+    return float(np.median(stated)) if stated else 0.0
 
 
 def _already(folder: Path, identity: str) -> Capture | None:

@@ -29,11 +29,14 @@ class Picture:
         Bits of a number in the file, 32 for floats.
     seconds : float, optional
         Exposure time that the file states [s].
+    focal : float, optional
+        Focal length that the file states, as if the picture's longer side were 36 mm [mm].
     """
 
     pixels: NDArray[np.float32]
     bits: int
     seconds: float | None = None
+    focal: float | None = None
 
 
 Reader = Callable[[Path], Picture]

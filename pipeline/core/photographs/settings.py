@@ -29,7 +29,8 @@ class ImportSettings:
     bracket: int = setting(1, "photographs of each light, one after the other at several exposures", low=1, high=100)
     focal: float = setting(
         0.0,
-        "focal length as of a full frame (36 mm wide), where nothing else tells the camera; 0: orthographic",
+        "focal length as of a full frame (36 mm wide), where nothing else tells the camera; 0: as the photographs' "
+        "EXIF says, else orthographic",
         unit="mm",
         low=0.0,
         high=10_000.0,

@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from ..capture import Capture
 from ..errors import LightsphereError
+from ..lights import Lights
 from ..progress import Progress, Work
 from ..shape import Shape
 from ..shape.source import triangulate
@@ -18,6 +19,7 @@ from . import interpolant, lobes
 from .emitters import Emitter
 
 ROWS = 4096
+FAR = 1e4  # object sizes away at which lights at infinity are taken to stand
 SHADOW_SHARE = 0.1  # of the expected value: a facing light that makes less is shadowed
 FLOOR = 1e-3  # of the mean lit value, added to the expectation
 MOST_RATIO = 100.0  # of value over expectation
@@ -26,7 +28,7 @@ REACH = 2.0  # steps of a pixel that are longer than so many of its widths lead 
 
 @dataclass(frozen=True)
 class Stack:
-    """What P pixels saw of L near lights, relit by the source's rule.
+    """What P pixels saw of L lights, relit by the source's rule.
 
     Parameters
     ----------
@@ -37,7 +39,7 @@ class Stack:
     points, normals, views : (P, 3) float64
         World space; normals and directions to the camera are unit vectors.
     lights : (L, 3) float64
-        Positions [m].
+        Positions [m]; lights at infinity stand :data:`FAR` away.
     values : (P, L, 3) float32
         Radiance over the light's intensity; NaN where saturated or not a number.
     triangles : (T, 3) int64
@@ -52,6 +54,13 @@ class Stack:
     lights: NDArray[np.float64]
     values: NDArray[np.float32]
     triangles: NDArray[np.int64]
+
+    def spacing(self) -> float:
+        """Return the median angle between a light and the one next to it, as the object sees them [degrees]."""
+        direction = self.lights - self.points.mean(axis=0)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        cosine = direction @ direction.T - 2.0 * np.eye(len(direction))
+        return float(np.degrees(np.median(np.arccos(np.clip(cosine.max(axis=1), -1.0, 1.0)))))
 
     def add(self, emitter: Emitter, out: NDArray[np.float64]) -> None:
         """Add the light of an emitter to the pixels' radiance (P, 3)."""
@@ -97,7 +106,7 @@ def arrange(capture: Capture, shape: Shape, memory: float) -> Work[Stack]:
     Parameters
     ----------
     capture : Capture
-        Of near lights.
+        Of near or distant lights.
     shape : Shape
         Of that capture.
     memory : float
@@ -116,29 +125,39 @@ def arrange(capture: Capture, shape: Shape, memory: float) -> Work[Stack]:
         raise LightsphereError("the shape has no recovered pixel; recover the shape first")
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)[:, mask]
     origins, directions = capture.camera.rays()
-    depth = shape.depth[tuple(nearest)].astype(np.float64)
+    points = origins[mask] + shape.depth[tuple(nearest)].astype(np.float64)[:, None] * directions[mask]
     normals = capture.camera.normals_to_world(shape.normal[tuple(nearest)])
+    lights, intensity = _placed(capture.lights, points)
     values = _allocate((place.shape[1], len(capture), 3), memory)
     limit = float(capture.notes.get("saturation", np.inf))
     for light in range(len(capture)):
         seen = capture.image(light)[mask]
         usable = np.isfinite(seen).all(axis=1) & (seen < limit).all(axis=1)
-        values[:, light] = seen / np.maximum(capture.lights.intensity[light], 1e-30).astype(np.float32)
+        values[:, light] = seen / np.maximum(intensity[light], 1e-30).astype(np.float32)
         values[~usable, light] = np.nan
         yield Progress("read", light + 1, len(capture), "pictures")
     inner = capture.lights.on("inner")
-    triangles = inner[triangulate(capture.lights.position[inner])] if len(inner) >= 4 else np.empty((0, 3), np.int64)
+    triangles = inner[triangulate(lights[inner])] if len(inner) >= 4 else np.empty((0, 3), np.int64)
     return Stack(
-        capture.camera.resolution, place, origins[mask] + depth[:, None] * directions[mask],
-        normals / np.linalg.norm(normals, axis=1, keepdims=True), -directions[mask],
-        capture.lights.position, values, triangles,
+        capture.camera.resolution, place, points, normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        -directions[mask], lights, values, triangles,
     )  # fmt: skip
 
 
+def _placed(lights: Lights, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return position and radiant intensity (L, 3) of every light, at infinity as an object's points see it."""
+    if lights.kind == "near":
+        return lights.position, lights.intensity
+    away = FAR * float(np.ptp(points, axis=0).max())
+    return points.mean(axis=0) + away * lights.position, away**2 * lights.intensity
+
+
 def check(capture: Capture, shape: Shape) -> None:
-    """Raise LightsphereError unless a capture has near lights and a shape its camera."""
-    if capture.lights.kind != "near":
-        raise LightsphereError(f"the lights are {capture.lights.kind}; relighting needs a capture of near lights")
+    """Raise LightsphereError unless a capture's lights are known and a shape has its camera."""
+    if capture.lights.kind == "unknown":
+        raise LightsphereError(
+            f"{capture.folder}: the lights are unknown; find them by lightsphere shape --method uncalibrated"
+        )
     own, other = shape.camera, capture.camera
     same = own.resolution == other.resolution and own.model == other.model
     if not (same and np.allclose(own.to_world, other.to_world) and np.allclose(own.focal, other.focal)):

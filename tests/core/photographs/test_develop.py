@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -171,6 +172,31 @@ def test_exposure_times_scale_the_lights(there: Drawer) -> None:
     made = imported(there)
     assert normal_error(made) < 0.01
     assert made.lights.intensity[0, 0] / made.lights.intensity[2, 0] == pytest.approx(1 / 4)
+
+
+def test_the_lens_that_the_files_name_is_the_cameras_unless_another_is_stated(there: Drawer) -> None:
+    def took(*lenses: float | None) -> None:
+        for i, path in enumerate(sorted(there.folder.glob("img_*"))):
+            there.pictures[path] = dataclasses.replace(there.pictures[path], focal=lenses[i % len(lenses)])
+
+    width = MASK.shape[1]
+    assert imported(there).camera.model == "orthographic"
+    took(35.0, None)
+    for file in (there.folder.parent / "capture").iterdir():
+        file.unlink()
+    made = imported(there)
+    assert (made.camera.model, made.camera.focal[0]) == ("pinhole", pytest.approx(35 / 36 * width))
+    assert any("35 mm" in words for words in made.notes["found"]["assumed"])
+    took(35.0, 50.0)
+    for file in (there.folder.parent / "capture").iterdir():
+        file.unlink()
+    assert imported(there, focal=70.0).camera.focal[0] == pytest.approx(70 / 36 * width)
+    with pytest.raises(LightsphereError, match="another capture, or one imported otherwise"):
+        imported(there, focal=85.0)
+    for file in (there.folder.parent / "capture").iterdir():
+        file.unlink()
+    with pytest.raises(LightsphereError, match="lenses of 35 to 50 mm"):
+        imported(there)
 
 
 def test_merged_exposures_bring_back_what_single_ones_lose(there: Drawer) -> None:

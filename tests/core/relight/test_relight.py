@@ -22,6 +22,7 @@ from pipeline.core.relight.film import moving_light
 from pipeline.core.relight.render import check_outside, prepare, relit
 from pipeline.core.shape import Shape
 from tests import oracles, synthetic, tolerances
+from tests.drawn import draw, ggx
 
 SIZE = 20
 ALBEDO = np.array([0.6, 0.4, 0.2])
@@ -186,8 +187,23 @@ def test_a_shape_of_another_capture_is_told(glossy: tuple[Capture, Shape]) -> No
             under((capture, synthetic.ball(camera)), near(NEW))
 
 
-def test_distant_captures_are_told(glossy: tuple[Capture, Shape]) -> None:
+def test_lights_at_infinity_serve_as_well() -> None:
+    """Of pictures under distant lights, a distant one and a near one are made: highlights move, light falls off."""
+    shape = synthetic.ball(synthetic.camera(SIZE))
+    directions = synthetic.lights().position
+    lights = Lights("distant", oracles.unit(directions), np.full(directions.shape, 2.0), np.full(len(directions), 2))
+    capture = draw(shape, lights, ggx)
+    far, close = (draw(shape, replaced, ggx).image(0) for replaced in (
+        Lights("distant", oracles.unit(NEW)[None], np.ones((1, 3)), np.array([2])),
+        Lights("near", NEW[None], np.ones((1, 3)), np.array([2])),
+    ))  # fmt: skip
+    assert relative_rmse(under((capture, shape), distant(list(NEW), [1.0] * 3)), far) < tolerances.RELIT_GLOSSY
+    assert relative_rmse(under((capture, shape), near(NEW)), close) < tolerances.RELIT_GLOSSY
+    scaled = close * (far * close).sum() / (close**2).sum()
+    assert relative_rmse(scaled, far) > 2 * tolerances.RELIT_GLOSSY
+
+
+def test_unknown_lights_are_told(glossy: tuple[Capture, Shape]) -> None:
     capture, shape = glossy
-    lights = Lights("distant", oracles.unit(capture.lights.position), capture.lights.intensity, capture.lights.surface)
-    with pytest.raises(LightsphereError, match="near lights"):
-        under((dataclasses.replace(capture, lights=lights), shape), near(NEW))
+    with pytest.raises(LightsphereError, match="lights are unknown"):
+        under((dataclasses.replace(capture, lights=dataclasses.replace(capture.lights, kind="unknown")), shape))

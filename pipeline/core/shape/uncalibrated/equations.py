@@ -23,7 +23,8 @@ from .lobes import LEAST_FACING, lobes
 
 Array = NDArray[np.float64]
 
-WIDTH = 0.1  # misfit over the larger of value and usual value at which a value counts half
+WIDTH = 0.1  # misfit over the larger of value and usual value at which a value without noise counts half
+NOISY = 2.4  # times the noise: Cauchy's width that wastes little of Gaussian noise (Holland and Welsch 1977)
 RIDGE = 1e-9
 LARGEST_TURN = 0.3  # of a normal in one step [rad]
 
@@ -133,8 +134,8 @@ def respond(
 
 @parallel_kernel
 def certainties(
-    values: Array, usual: Array, lit: Array, views: Array, normals: Array, weights: Array, lights: Array,
-    coefficients: Array, certainty: Array, misfit: Array,
+    values: Array, usual: Array, noise: float, lit: Array, views: Array, normals: Array, weights: Array,
+    lights: Array, coefficients: Array, certainty: Array, misfit: Array,
 ) -> None:  # fmt: skip
     """Fill in how much each value (P, L) counts, and Cauchy's cost of its misfit."""
     pixels, count = lit.shape
@@ -144,20 +145,21 @@ def certainties(
             certainty[p, k] = misfit[p, k] = 0.0
             if lit[p, k] > 0.0:
                 respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
-                sure, cost = certainty_of(values[p, k], space[2], usual[p])
+                sure, cost = certainty_of(values[p, k], space[2], usual[p], noise)
                 certainty[p, k], misfit[p, k] = lit[p, k] * sure, lit[p, k] * cost
 
 
 @kernel
-def certainty_of(seen: Array, foreseen: Array, usual: float) -> tuple[float, float]:
-    """Return Cauchy's weight of a value's (3,) misfit over its variance, and Cauchy's cost log(1 + (miss / WIDTH)^2).
+def certainty_of(seen: Array, foreseen: Array, usual: float, noise: float) -> tuple[float, float]:
+    """Return Cauchy's weight of a value's (3,) misfit over its variance, and Cauchy's cost log(1 + (miss / width)^2).
 
-    The standard deviation of a value is a share of the larger of it and the pixel's usual value, so that highlights
-    count by their ratio and dark values by their difference.
+    The width is a share of the larger of a value and the pixel's usual one, so that highlights count by their ratio
+    and dark values by their difference, and no less than the pictures' noise asks for.
     """
     size = max((seen[0] + seen[1] + seen[2]) / 3.0, usual)
-    miss = (abs(seen[0] - foreseen[0]) + abs(seen[1] - foreseen[1]) + abs(seen[2] - foreseen[2])) / (3.0 * size)
-    return 1.0 / (3.0 * size**2 * (WIDTH**2 + miss**2)), math.log(1.0 + (miss / WIDTH) ** 2)
+    miss = (abs(seen[0] - foreseen[0]) + abs(seen[1] - foreseen[1]) + abs(seen[2] - foreseen[2])) / 3.0
+    width = (WIDTH * size) ** 2 + (NOISY * noise) ** 2
+    return 1.0 / (3.0 * (width + miss**2)), math.log(1.0 + miss**2 / width)
 
 
 @kernel

@@ -39,8 +39,8 @@ class Joint:
 
     Parameters
     ----------
-    values, lit, usual, views : (P, L, 3), (P, L), (P,), (P, 3)
-        What the pixels see, how much of it can be used, their usual value, and whence they see it.
+    values, lit, usual, noise, views : (P, L, 3), (P, L), (P,), float, (P, 3)
+        What the pixels see, how much of it can be used, their usual value, the values' noise, and whence they see it.
     outline : Outline
         Of the P pixels.
     normals, weights, lights, coefficients : (P, 3), (P, K), (L, 3), (K, J, 3)
@@ -53,6 +53,7 @@ class Joint:
     values: Array
     lit: Array
     usual: Array
+    noise: float
     views: Array
     outline: Outline
     normals: Array
@@ -84,8 +85,8 @@ class Joint:
         self.lights = mean_strength_one(self.lights)
         self.weights = self.weights * (level / np.linalg.norm(self.lights[0]))
         certainties(
-            self.values, self.usual, self.lit, self.views, self.normals, self.weights, self.lights, self.coefficients,
-            self.certainty, self.misfit,
+            self.values, self.usual, self.noise, self.lit, self.views, self.normals, self.weights, self.lights,
+            self.coefficients, self.certainty, self.misfit,
         )  # fmt: skip
         self.trust[:] = 0.0
         self.surface = (self.surface[0][:0], self.surface[1][:0])

@@ -19,21 +19,25 @@ STILL = 1e-4  # step [rad] that ends them
 
 @parallel_kernel
 def refine_pixels(
-    values: Array, usual: Array, lit: Array, views: Array, lights: Array, coefficients: Array, normals: Array,
-    weights: Array, misfits: Array, stiffness: Array,
+    values: Array, usual: Array, noise: float, lit: Array, views: Array, lights: Array, coefficients: Array,
+    expected: Array, pulls: Array, normals: Array, weights: Array, costs: Array, misfits: Array, stiffness: Array,
 ) -> None:  # fmt: skip
     """Fit normal and weights of every pixel to known lights and bases, in place.
 
     Parameters
     ----------
-    values, usual, lit, views : (P, L, 3), (P,), (P, L), (P, 3)
+    values, usual, noise, lit, views : (P, L, 3), (P,), float, (P, L), (P, 3)
     lights, coefficients : (L, 3), (K, J, 3)
+    expected, pulls : (P, 3 + K), (P, 3 + K)
+        Normal and weights that the surroundings have, and what a squared difference from each adds to the cost.
     normals, weights : (P, 3), (P, K)
         Where to begin; where it ended.
+    costs : (P,)
+        What is minimised.
     misfits : (P,)
-        Mean over the lit values of Cauchy's log(1 + (miss / WIDTH)^2).
+        Mean over the lit values of Cauchy's log(1 + (miss / width)^2).
     stiffness : (P,)
-        Smaller eigenvalue of the normal's information, its weights eliminated, in units of 1 / (relative misfit)^2.
+        Smaller eigenvalue of the normal's information, its weights eliminated, in units of 1 / (misfit over width)^2.
     """
     pixels, count = lit.shape
     bases = coefficients.shape[0]
@@ -43,6 +47,7 @@ def refine_pixels(
         tangents, value = space[0], space[2]
         a, b, slope = np.empty((own, own)), np.empty(own), np.empty(own)
         kept_a, kept_b, kept_tangents = np.zeros((own, own)), np.zeros(own), np.zeros((2, 3))
+        pull, there = pulls[p], expected[p]
         normal, weight = normals[p].copy(), weights[p].copy()
         least, damping = np.inf, 1e-3
         for step in range(STEPS + 1):
@@ -53,19 +58,20 @@ def refine_pixels(
                 if lit[p, k] <= 0.0:
                     continue
                 above = respond(normal, views[p], lights[k], weight, coefficients, space)
-                sure, cost = certainty_of(values[p, k], value, usual[p])
+                sure, cost = certainty_of(values[p, k], value, usual[p], noise)
                 robust += lit[p, k] * cost
                 seen += lit[p, k]
                 if above:
                     for c in range(3):
                         add_value(space, c, lit[p, k] * sure, values[p, k, c] - value[c], slope, a, b)
-            if not robust < least:  # back to where it was, with a shorter step next time
+            cost = robust + _pulled(there, pull, normal, weight, tangents, a, b)
+            if not cost < least:  # back to where it was, with a shorter step next time
                 damping *= 10.0
                 if step == STEPS or damping > 1e3:
                     break
             else:
-                least, damping = robust, damping / 4.0
-                normals[p], weights[p] = normal, weight
+                least, damping = cost, damping / 4.0
+                normals[p], weights[p], costs[p] = normal, weight, cost
                 misfits[p] = robust / max(seen, 1.0)
                 stiffness[p] = _stiffness(a.copy(), weight)
                 kept_a[:], kept_b[:], kept_tangents[:] = a, b, tangents
@@ -83,6 +89,25 @@ def refine_pixels(
                 weight[n] = max(weights[p, n] + b[2 + n], 0.0)
             if abs(b[0]) + abs(b[1]) < STILL:
                 break
+
+
+@kernel
+def _pulled(expected: Array, pulls: Array, normal: Array, weights: Array, tangents: Array, a: Array, b: Array) -> float:
+    """Add what is expected of a pixel to its system, and return what it adds to the cost."""
+    cost = 0.0
+    for i in range(3):
+        miss = expected[i] - normal[i]
+        cost += pulls[i] * miss**2
+        for t in range(2):
+            b[t] += pulls[i] * tangents[t, i] * miss
+            for u in range(t + 1):
+                a[t, u] += pulls[i] * tangents[t, i] * tangents[u, i]
+    for k in range(weights.size):
+        miss = expected[3 + k] - weights[k]
+        cost += pulls[3 + k] * miss**2
+        b[2 + k] += pulls[3 + k] * miss
+        a[2 + k, 2 + k] += pulls[3 + k]
+    return cost
 
 
 @kernel

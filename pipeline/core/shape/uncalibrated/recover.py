@@ -12,32 +12,30 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from ...camera import Camera
 from ...capture import Capture
 from ...errors import LightsphereError
 from ...lights import Lights
-from ...progress import Progress, Work
+from ...progress import Work
 from ...reflectance.bivariate import Bivariate
 from .. import Shape
 from ..photometric.bases import gather
 from ..photometric.recover import USUAL_DEVIATION, surface
 from ..photometric.sight import Sight, see
-from ..photometric.start import half_way, seen_from
 from ..settings import STRENGTHS, ShapeSettings
 from . import lobes
 from .joint import Joint
 from .outline import outline
-from .pixels import refine_pixels
-from .solve import Pictures, Solution, solve
+from .pictures import Pictures, pictures_of, reduced
+from .scales import Scale, every_pixel
+from .solve import Solution, solve
 
 Array = NDArray[np.float64]
 
 FEWEST = 6  # photographs that tell lights and normals apart
 PIXELS = 1800  # about so many are solved together with the lights
 FEW_PIXELS = 60
-AT_ONCE = 20_000  # pixels refined between two words of progress
 BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
@@ -75,13 +73,15 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     if not level > 0:
         raise LightsphereError(f"{capture.folder}: the object is black in nearly all photographs; look at them")
     colours = _light_colours(sight)
-    everything = _pictures(capture, mask, sight, level * colours)
-    side, reduced = _reduced(capture, everything)
+    everything = pictures_of(capture.camera, mask, sight, level * colours)
+    scales = _scales(capture.camera, everything)
+    coarse = scales[0].pictures
     solution = yield from solve(
-        reduced, outline(reduced.mask, reduced.views), settings.bases, STRENGTHS[settings.strengths]
+        coarse, outline(coarse.mask, coarse.views), settings.bases, STRENGTHS[settings.strengths]
     )
     joint = solution.joint
-    normals, weights, misfit, deviation = yield from _all_pixels(everything, reduced, side, joint)
+    fitted = yield from every_pixel(scales, joint)
+    normals, weights = fitted.normals, fitted.weights
     strength = np.linalg.norm(joint.lights, axis=1)
     direction = joint.lights / strength[:, None]
     bright = float(np.quantile(everything.usual, BRIGHT)) * level / BRIGHT_ALBEDO
@@ -91,8 +91,9 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     scaled = joint.coefficients * level / (np.pi * bright)
     spread = _deviations(solution)
     doubts = _doubts(joint, spread)
-    confidence = (1.0 - misfit) / (1.0 + deviation / USUAL_DEVIATION)
-    layers = {"misfit": misfit, "normal_deviation": np.degrees(deviation)}
+    misfit = fitted.misfit / (1.0 + fitted.misfit)
+    confidence = (1.0 - misfit) / (1.0 + fitted.deviation / USUAL_DEVIATION)
+    layers = {"misfit": misfit, "normal_deviation": np.degrees(fitted.deviation)}
     shape = surface(capture, mask, normals, confidence, None, layers)
     notes = {
         "lights": [
@@ -106,6 +107,18 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     known = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))
     reflectance = _reflectance(mask, known, everything, normals, weights, scaled, misfit)
     return Recovered(shape, reflectance, lights, spread, doubts)
+
+
+def _scales(camera: Camera, full: Pictures) -> list[Scale]:
+    """Return the pictures at blocks of half the side each, from about :data:`PIXELS` blocks to the pixels."""
+    side = max(round(float(np.sqrt(full.mask.sum() / PIXELS))), 1)
+    found = []
+    while side > 1:
+        blocks = reduced(camera, full, side)
+        if len(blocks.values) >= FEW_PIXELS:
+            found.append(Scale(side, blocks))
+        side = (side + 1) // 2
+    return [*found, Scale(1, full)]
 
 
 def _hidden(capture: Capture) -> Capture:
@@ -128,76 +141,6 @@ def _light_colours(sight: Sight) -> Array:
     change = np.nan_to_num(np.nanmedian(ratio - np.nanmedian(ratio, axis=1, keepdims=True), axis=0))
     colours = np.exp(change)
     return np.asarray(colours / colours.mean(axis=1, keepdims=True))
-
-
-def _pictures(capture: Capture, mask: NDArray[np.bool_], sight: Sight, unit: Array) -> Pictures:
-    rays = _camera_rays(capture.camera, mask, 1)
-    pinhole = capture.camera.model == "pinhole"
-    return Pictures(mask, rays, sight.values / unit, sight.usable.astype(np.float64), pinhole)
-
-
-def _camera_rays(camera: Camera, mask: NDArray[np.bool_], side: int) -> Array:
-    """Return origin and direction (P, 6), camera space, of the rays through the centres of a mask's blocks."""
-    height, width = mask.shape
-    row, column = np.mgrid[:height, :width]
-    origins, directions = camera.rays_at((np.stack([column, row], axis=-1)[mask] + 0.5) * side)
-    to_camera = camera.to_world[:3, :3]
-    return np.concatenate([(origins - camera.to_world[:3, 3]) @ to_camera, directions @ to_camera], axis=1)
-
-
-def _reduced(capture: Capture, full: Pictures) -> tuple[int, Pictures]:
-    """Return the means of square blocks of pixels within the mask, about :data:`PIXELS` of them, and their side."""
-    side = max(round(float(np.sqrt(full.mask.sum() / PIXELS))), 1)
-    mask = _blocks(full.mask, side).all(axis=(1, 3))
-    if mask.sum() < FEW_PIXELS:
-        side, mask = 1, full.mask
-    values, usable = np.empty((int(mask.sum()), *full.values.shape[1:])), np.empty((int(mask.sum()), len(capture)))
-    picture, used = np.zeros((*full.mask.shape, 3)), np.zeros(full.mask.shape)
-    for light in range(len(capture)):
-        picture[full.mask], used[full.mask] = full.values[:, light], full.usable[:, light]
-        values[:, light] = _blocks(picture, side).mean(axis=(1, 3))[mask]
-        usable[:, light] = _blocks(used, side).min(axis=(1, 3))[mask]
-    rays = _camera_rays(capture.camera, mask, side)
-    return side, Pictures(mask, rays, values, usable, full.pinhole)
-
-
-def _blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
-    """Return a picture (H, W, ...) as (H / side, side, W / side, side, ...); what does not fill a block is left out."""
-    height, width = picture.shape[0] // side, picture.shape[1] // side
-    return picture[: height * side, : width * side].reshape(height, side, width, side, *picture.shape[2:])
-
-
-def _all_pixels(full: Pictures, reduced: Pictures, side: int, joint: Joint) -> Work[tuple[Array, Array, Array, Array]]:
-    """Fit every pixel to lights and bases, from its block's normal and from its brightest lights' half-way vector."""
-    place = np.argwhere(full.mask)
-    nearest = distance_transform_edt(~reduced.mask, return_distances=False, return_indices=True)
-    number = np.zeros(reduced.mask.shape, np.int64)
-    number[reduced.mask] = np.arange(int(reduced.mask.sum()))
-    row, column = (np.minimum(place[:, i] // side, reduced.mask.shape[i] - 1) for i in range(2))
-    own = number[nearest[0][row, column], nearest[1][row, column]]
-    lights = np.ascontiguousarray(joint.lights)
-    direction = lights / np.linalg.norm(lights, axis=1, keepdims=True)
-    normals, weights = np.empty((len(place), 3)), np.empty((len(place), joint.weights.shape[1]))
-    misfit, deviation = np.empty(len(place)), np.empty(len(place))
-    for first in range(0, len(place), AT_ONCE):
-        part = slice(first, min(first + AT_ONCE, len(place)))
-        values, lit, usual, view = full.values[part], full.lit[part], full.usual[part], full.views[part]
-        single = (values.astype(np.float32), lit.astype(np.float32))
-        sight = Sight(*single, direction, False, np.zeros_like(view), view)
-        scale = (usual / joint.usual[own[part]])[:, None]
-        found = []
-        for start in (seen_from(joint.normals[own[part]], sight), half_way(sight)):
-            state = (start.copy(), joint.weights[own[part]] * scale, np.empty(len(view)), np.empty(len(view)))
-            refine_pixels(values, usual, lit, view, lights, joint.coefficients, *state)
-            found.append(state)
-        better = found[1][2] < found[0][2]
-        chosen = [np.where(better[:, None] if a.ndim == 2 else better, b, a) for a, b in zip(*found, strict=True)]
-        normals[part], weights[part] = chosen[0], chosen[1]
-        used = np.maximum((lit > 0).sum(axis=1), 1)
-        deviation[part] = np.sqrt(chosen[2] * used / np.maximum(used - 2, 1) / np.maximum(chosen[3], 1e-12))
-        misfit[part] = chosen[2] / (1.0 + chosen[2])
-        yield Progress("normals", part.stop, len(place), "pixels")
-    return normals, weights, misfit, np.minimum(deviation, np.pi / 2)
 
 
 def _deviations(solution: Solution) -> Array:

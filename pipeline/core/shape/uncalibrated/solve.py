@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,65 +16,17 @@ from ..photometric.start import begin, clusters
 from . import lobes
 from .joint import CUES, Joint
 from .outline import Outline
+from .pictures import Pictures
 from .start import first_lights
 
 Array = NDArray[np.float64]
 
-SHADOWED = 0.1  # of a pixel's 90th percentile; below it a light is taken for shadowed
-USUAL = 0.6  # quantile of the lit values that is a pixel's usual one
 MIXED = 0.02  # share that every basis has of every pixel at first
 STEPS = 60  # of the joint minimisation
 REWEIGHED = 5  # every so many steps the values are weighed anew
 SURFACE_FROM = 0.5  # of the steps; before, normals are too wrong to tell of a surface
 STEPS_WITHOUT = 30  # from the best end, without one of the cues
 AS_GOOD = 1.1  # times the best objective: such an end is nearly as good
-
-
-@dataclass(frozen=True)
-class Pictures:
-    """What P pixels see, without lights.
-
-    Parameters
-    ----------
-    mask : (H, W) bool
-        Where the pixels are; numbered in row order.
-    rays : (P, 6) float64
-        Origin and unit direction, camera space.
-    values : (P, L, 3) float64
-        Radiance in any unit.
-    usable : (P, L) float64
-        0 where saturated or not a number, 1 where trusted.
-    pinhole : bool
-    """
-
-    mask: NDArray[np.bool_]
-    rays: Array
-    values: Array
-    usable: Array
-    pinhole: bool
-
-    @cached_property
-    def views(self) -> Array:
-        """Unit directions to the camera (P, 3)."""
-        return np.ascontiguousarray(-self.rays[:, 3:])
-
-    @cached_property
-    def gray(self) -> Array:
-        """Return the mean of the colours (P, L)."""
-        return np.asarray(self.values.mean(axis=2))
-
-    @cached_property
-    def lit(self) -> Array:
-        """Return how far each value can be used (P, L): 0 in shadow."""
-        bright = np.quantile(np.where(self.usable > 0, self.gray, 0.0), 0.9, axis=1, keepdims=True)
-        return np.where(self.gray > SHADOWED * bright, self.usable, 0.0)
-
-    @cached_property
-    def usual(self) -> Array:
-        """Return each pixel's usual value (P,)."""
-        seen = np.where(self.lit > 0, self.gray, np.nan)
-        seen[np.isnan(seen).all(axis=1)] = 1.0
-        return np.asarray(np.nanquantile(seen, USUAL, axis=1))
 
 
 @dataclass(frozen=True)
@@ -155,6 +106,7 @@ def _begun(pictures: Pictures, outline: Outline, lights: Array, bases: int, scat
         pictures.values,
         pictures.lit,
         pictures.usual,
+        pictures.noise,
         views,
         outline,
         start.normals.copy(),

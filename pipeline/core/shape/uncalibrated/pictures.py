@@ -1,0 +1,131 @@
+"""What the pixels of photographs see, each by itself or as the mean of a block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion, convolve
+
+from ...camera import Camera
+from ..photometric.sight import Sight
+
+Array = NDArray[np.float64]
+
+SHADOWED = 0.1  # of a pixel's 90th percentile; below it a light is taken for shadowed
+USUAL = 0.6  # quantile of the lit values that is a pixel's usual one
+#: Takes off every plane; its coefficients' squares add up to 36 (Immerkaer 1996).
+DIFFERENCE = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """What P pixels see, without lights.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        Where the pixels are; numbered in row order.
+    rays : (P, 6) float64
+        Origin and unit direction, camera space.
+    values : (P, L, 3) float64
+        Radiance in any unit.
+    usable : (P, L) float64
+        0 where saturated or not a number, 1 where trusted.
+    noise : float
+        Standard deviation of the noise of a value of one colour.
+    pinhole : bool
+    """
+
+    mask: NDArray[np.bool_]
+    rays: Array
+    values: Array
+    usable: Array
+    noise: float
+    pinhole: bool
+
+    @cached_property
+    def views(self) -> Array:
+        """Unit directions to the camera (P, 3)."""
+        return np.ascontiguousarray(-self.rays[:, 3:])
+
+    @cached_property
+    def gray(self) -> Array:
+        """Return the mean of the colours (P, L)."""
+        return np.asarray(self.values.mean(axis=2))
+
+    @cached_property
+    def lit(self) -> Array:
+        """Return how far each value can be used (P, L): 0 in shadow."""
+        bright = np.quantile(np.where(self.usable > 0, self.gray, 0.0), 0.9, axis=1, keepdims=True)
+        return np.where(self.gray > SHADOWED * bright, self.usable, 0.0)
+
+    @cached_property
+    def usual(self) -> Array:
+        """Return each pixel's usual value (P,)."""
+        seen = np.where(self.lit > 0, self.gray, np.nan)
+        seen[np.isnan(seen).all(axis=1)] = 1.0
+        return np.asarray(np.nanquantile(seen, USUAL, axis=1))
+
+
+def pictures_of(camera: Camera, mask: NDArray[np.bool_], sight: Sight, unit: Array) -> Pictures:
+    """Return what a camera's pixels see of L lights, in units (L, 3)."""
+    rays = _camera_rays(camera, mask, 1)
+    pinhole = camera.model == "pinhole"
+    values = sight.values / unit
+    return Pictures(mask, rays, values, sight.usable.astype(np.float64), noise_of(mask, values), pinhole)
+
+
+def _camera_rays(camera: Camera, mask: NDArray[np.bool_], side: int) -> Array:
+    """Return origin and direction (P, 6), camera space, of the rays through the centres of a mask's blocks."""
+    height, width = mask.shape
+    row, column = np.mgrid[:height, :width]
+    origins, directions = camera.rays_at((np.stack([column, row], axis=-1)[mask] + 0.5) * side)
+    to_camera = camera.to_world[:3, :3]
+    return np.concatenate([(origins - camera.to_world[:3, 3]) @ to_camera, directions @ to_camera], axis=1)
+
+
+def reduced(camera: Camera, full: Pictures, side: int) -> Pictures:
+    """Return the means of square blocks of pixels within the mask."""
+    mask = _blocks(full.mask, side).all(axis=(1, 3))
+    count = full.values.shape[1]
+    values, usable = np.empty((int(mask.sum()), count, 3)), np.empty((int(mask.sum()), count))
+    picture, used = np.zeros((*full.mask.shape, 3)), np.zeros(full.mask.shape)
+    for light in range(count):
+        picture[full.mask], used[full.mask] = full.values[:, light], full.usable[:, light]
+        values[:, light] = _blocks(picture, side).mean(axis=(1, 3))[mask]
+        usable[:, light] = _blocks(used, side).min(axis=(1, 3))[mask]
+    rays = _camera_rays(camera, mask, side)
+    return Pictures(mask, rays, values, usable, full.noise / side, full.pinhole)
+
+
+def _blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
+    """Return a picture (H, W, ...) as (H / side, side, W / side, side, ...); what does not fill a block is left out."""
+    height, width = picture.shape[0] // side, picture.shape[1] // side
+    return picture[: height * side, : width * side].reshape(height, side, width, side, *picture.shape[2:])
+
+
+def noise_of(mask: NDArray[np.bool_], values: NDArray[np.float64]) -> float:
+    """Return the standard deviation of the noise that does not grow with the light.
+
+    Told from the darker half of each picture's pixels, by the median, so that edges and highlights do not count.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+    values : (P, L, 3) float64
+        Of its pixels under L lights.
+    """
+    inner = binary_erosion(mask, np.ones((3, 3)))
+    if not inner.any():
+        return 0.0
+    picture, found = np.zeros((*mask.shape, 3)), []
+    for light in range(values.shape[1]):
+        picture[mask] = values[:, light]
+        seen = picture[inner]
+        dark = seen <= np.median(seen, axis=0)
+        rest = np.abs(np.stack([convolve(picture[..., c], DIFFERENCE)[inner] for c in range(3)], axis=-1))
+        found.append(float(np.median(rest[dark])))
+    return 1.4826 / 6.0 * float(np.median(found))
