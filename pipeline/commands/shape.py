@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ..core import images
 from ..core.capture import Capture, with_lights
 from ..core.compare.shapes import light_errors_deg, shape_errors
 from ..core.errors import LightsphereError
@@ -33,6 +34,7 @@ MeshFile = Annotated[
     typer.Option("--mesh", help="take the shape from a mesh: PLY, OBJ, glTF or USD", metavar="FILE"),
 ]
 OF_BASES = ("bases", "objective", "start_explains_better", "nodes_seen", "held_out")
+PAGE = "report.html"
 LEFT_OUT = ("saturated_values", "broken_values")
 NAMED = 5  # changed pictures that a warning names
 
@@ -43,7 +45,7 @@ def shape(
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the shape")],
     settings: ShapeSettings,
     mesh: MeshFile = None,
-    mesh_unit: Annotated[float, typer.Option(help="length of the mesh's unit [m]", min=1e-9)] = 1.0,
+    mesh_unit: Annotated[float, typer.Option(help="length of the unit of --mesh or --proxy [m]", min=1e-9)] = 1.0,
     budget: Budget = None,
     target: Target = None,
     dry_run: DryRun = False,
@@ -77,7 +79,7 @@ def shape(
         elif settings.method == "double-sphere":
             found = run_with_bar(recover(opened, settings))
         elif settings.method == "uncalibrated":
-            every = run_with_bar(uncalibrated.recover(opened, settings))
+            every = run_with_bar(uncalibrated.recover(opened, settings, _proxy(opened, settings, mesh_unit)))
             found, reflectance, doubts, lights = every.shape, every.reflectance, every.doubts, every.lights
             source = output / "capture"
             with_lights(opened, lights, source)
@@ -105,6 +107,11 @@ def shape(
             dataclasses.replace(reflectance, notes=notes).save(output / "reflectance")
             figures.values.update({key: reflectance.notes[key] for key in OF_BASES if key in reflectance.notes})
         write_ply(output / "mesh.ply", relief(found))
+        if lights is not None:
+            from ..report import uncalibrated as page
+
+            results = page.Results(Capture.open(source), found, reflectance, figures.values["solve_seconds"])
+            images.write_text(output / PAGE, page.report(results))
         left_out = {name: found.notes[name] for name in LEFT_OUT if name in found.notes}
         figures.values.update(errors, **left_out)
         if mesh:
@@ -121,6 +128,15 @@ def shape(
     for doubt in doubts:
         print(f"lightsphere: {capture}: {doubt}", file=sys.stderr)
     _warn_of_changes(opened)
+
+
+def _proxy(capture: Capture, settings: ShapeSettings, unit: float) -> Shape | None:
+    """Return what the camera sees of the rough mesh, if there is one."""
+    if not settings.proxy:
+        return None
+    from ..blender.scans import shape_of
+
+    return shape_of(capture, Path(settings.proxy), unit)
 
 
 def _scanned(capture: Capture, mesh: Path, unit: float, output: Path) -> Shape:

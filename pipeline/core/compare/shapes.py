@@ -42,13 +42,9 @@ def depth_error_pct(shape: Shape, truth: Truth) -> NDArray[np.float64]:
             f"the shape has {shape.depth.shape[1]}x{shape.depth.shape[0]} pixels, the truth "
             f"{truth.depth.shape[1]}x{truth.depth.shape[0]}; compare a shape with the capture it was made from"
         )
-    depth = shape.depth.astype(np.float64)
-    if shape.notes.get("level") == "open" and np.isfinite(depth * truth.depth).any():
-        if shape.camera.model == "pinhole":
-            depth = depth * np.nanmedian(truth.depth / depth)
-        else:
-            depth = depth + np.nanmedian(truth.depth - depth)
-    error = np.abs(depth - truth.depth)
+    if shape.notes.get("level") == "open":
+        shape = shape.levelled(truth.depth)
+    error = np.abs(shape.depth.astype(np.float64) - truth.depth)
     return np.asarray(100.0 * error / truth.diameter)
 
 

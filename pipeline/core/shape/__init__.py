@@ -55,6 +55,18 @@ class Shape:
         origins, directions = self.camera.rays()
         return np.asarray(origins + self.depth[..., None].astype(np.float64) * directions)
 
+    def levelled(self, depth: NDArray[Any]) -> Shape:
+        """Return the shape with the scale (pinhole) or shift (orthographic) that is nearest to known depths (H, W).
+
+        It stays where no pixel has both. Normals alone leave this open (``notes["level"]`` is ``"open"``).
+        """
+        own = self.depth.astype(np.float64)
+        if not np.isfinite(own * depth).any():
+            return self
+        pinhole = self.camera.model == "pinhole"
+        moved = own * np.nanmedian(depth / own) if pinhole else own + np.nanmedian(depth - own)
+        return dataclasses.replace(self, depth=moved.astype(np.float32))
+
     def within(self, pixels: NDArray[np.bool_]) -> Shape:
         """Return the shape as if nothing were recovered beside some pixels (H, W)."""
         return dataclasses.replace(

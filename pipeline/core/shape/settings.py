@@ -18,7 +18,7 @@ class ShapeSettings:
     """How shape is recovered; see :mod:`pipeline.core.shape.double_sphere`, :mod:`~pipeline.core.shape.photometric`
     and :mod:`~pipeline.core.shape.uncalibrated`.
 
-    ``objective``, ``candidates`` and ``min_lit`` belong to double covering.
+    ``candidates`` and ``min_lit`` belong to double covering.
     """
 
     method: str = setting(
@@ -52,10 +52,24 @@ class ShapeSettings:
         "what uncalibrated is told of the lights: similar, within some 20 %; equal; or unknown",
         choices=tuple(STRENGTHS),
     )
+    cues: str = setting(
+        "",
+        "what uncalibrated believes beside the pictures: some of outline, surface, strengths, highlights, commas "
+        "between; empty: all",
+    )
+    known_lights: str = setting(
+        "",
+        "file of lights whose directions uncalibrated is told, NAME X Y Z a line with the photograph's name",
+        path="file",
+    )
+    proxy: str = setting(
+        "", "a rough mesh of the object or of a part of it in the capture's world: a cue for uncalibrated", path="file"
+    )
     objective: str = setting(
         "joint",
         "joint: one reflectance function fitted to both surfaces with the depth as an unknown; "
-        "source: the squared differences of Magda et al. 2001, equation 5, ten candidates and a local search",
+        "source: the squared differences of Magda et al. 2001, equation 5, ten candidates and a local search; of "
+        "uncalibrated, joint moves all unknowns at once, source pixels, lights and bases in turn",
         choices=OBJECTIVES,
     )
     min_lit: int = setting(12, "fewest lit lights with which a pixel is recovered", unit="lights", low=6, high=1000)

@@ -11,15 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.core.camera import Camera
+from pipeline.core.compare.pictures import relative_rmse
 from pipeline.core.compare.shapes import light_errors_deg
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
+from pipeline.core.reflectance.picture import picture
 from pipeline.core.shape.settings import ShapeSettings
 from pipeline.core.shape.uncalibrated import equations, integrability, lobes
 from pipeline.core.shape.uncalibrated.outline import outline
 from pipeline.core.shape.uncalibrated.recover import Recovered, recover
-from pipeline.core.shape.uncalibrated.start import equally_strong
+from pipeline.core.shape.uncalibrated.start import equally_strong, mean_strength_one, towards_known
+from pipeline.report.uncalibrated import Results, report
 from tests import oracles, synthetic, tolerances
 from tests.drawn import Drawn
 
@@ -107,15 +110,10 @@ def test_a_picture_is_predicted_by_what_was_recovered(ball: Recovered) -> None:
     """The recovered lights, normals and tables give the pictures back; another light's direction does not."""
     capture = photographed(view(40), lamps(), noise=0.0)
     known = capture.mask() & np.isfinite(ball.shape.normal).all(axis=-1)
-    normal = capture.camera.normals_to_world(ball.shape.normal[known].astype(np.float64))
-    to_viewer = -capture.camera.rays()[1][known]
 
     def error(shown: int, light: int) -> float:
-        wi = np.broadcast_to(ball.lights.position[light], normal.shape)
-        f, _ = ball.reflectance.evaluate(ball.reflectance.weights[known], normal, wi, to_viewer)
-        made = f * np.maximum(oracles.dot(normal, wi), 0)[:, None] * ball.lights.intensity[light]
-        true = capture.image(shown)[known]
-        return float(np.sqrt(((made - true) ** 2).sum() / (true**2).sum()))
+        made = picture(ball.shape, ball.reflectance, ball.lights.position[light], ball.lights.intensity[light])
+        return relative_rmse(made, capture.image(shown), known)
 
     assert max(error(k, k) for k in range(COUNT)) < tolerances.UNKNOWN_PICTURE
     assert min(error(k, (k + 1) % COUNT) for k in range(COUNT)) > 2 * tolerances.UNKNOWN_PICTURE
@@ -141,6 +139,85 @@ def test_matt_object_ends_well_and_says_so(seed: int) -> None:
     found = solved(photographed(view(40), lights, gloss=0.0, seed=seed), strengths="equal")
     assert any("no highlights" in doubt for doubt in found.doubts)
     assert light_errors_deg(found.lights, lights).mean() < tolerances.UNKNOWN_LIGHTS
+
+
+def test_known_lights_fix_what_the_others_leave_open() -> None:
+    """Lights known but for a linear map come back by some of them, whatever their strengths."""
+    true = lamps().position * (1 + 0.2 * np.cos(np.arange(COUNT)))[:, None]
+    distorted = true @ (np.eye(3) + 0.15 * np.random.default_rng(5).standard_normal((3, 3)))
+    told = np.array([1, 4, 6, 8, 11])
+
+    def error(lights: Array) -> float:
+        return float(np.degrees(np.arccos(oracles.dot(oracles.unit(lights), lamps().position))).max())
+
+    found = towards_known(distorted, told, lamps().position[told])
+    assert error(found) < 0.3 * error(distorted)
+    np.testing.assert_allclose(towards_known(true, told, lamps().position[told]), mean_strength_one(true), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_whatever_is_known_helps(tmp_path: Path) -> None:
+    """A matt ball seen from afar leaves much open; a few lights, or the mesh of its half, do not."""
+    camera, lights = view(20), lamps()
+    capture = photographed(camera, lights, gloss=0.0)
+    listed = tmp_path / "known.txt"
+    listed.write_text("".join(f"{k}.exr {' '.join(map(str, lights.position[k]))}\n" for k in (0, 4, 8)))
+    half = synthetic.ball(camera).within(np.indices((56, 56))[1] < 28)
+    blind, told = solved(capture), solved(capture, known_lights=str(listed))
+    seen = finish(recover(capture, ShapeSettings(method="uncalibrated"), half))
+    errors = [light_errors_deg(found.lights, lights).mean() for found in (blind, told, seen)]
+    assert errors[1] < min(tolerances.UNKNOWN_LIGHTS, 0.6 * errors[0]) and errors[2] < 0.8 * errors[0]
+    assert told.deviation.mean() < blind.deviation.mean()
+    known = np.isfinite(half.depth)
+    assert np.median(np.abs(seen.shape.depth - half.depth)[known]) < 0.02
+    assert seen.shape.notes["level"] != "open"
+
+
+@pytest.mark.slow
+def test_without_its_cues_the_relief_is_open() -> None:
+    capture = photographed(view(20), lamps(), gloss=0.0)
+    found = solved(capture, cues="strengths")
+    assert found.shape.notes["cues"] == ["strengths"]
+    assert any("degrees only" in doubt for doubt in found.doubts)
+    assert light_errors_deg(found.lights, lamps()).mean() < 2 * found.deviation.mean()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"cues": "outline, taste"}, "taste is no cue"),
+        ({"known_lights": "7.exr 0 0 0\n"}, "has no length"),
+        ({"known_lights": "7.exr 0 0 1\n7.exr 0 1 1\n"}, "twice"),
+        ({"known_lights": "70.exr 0 0 1\n"}, "'70.exr' is no photograph"),
+        ({"known_lights": "0 0 1\n"}, "lacks its photograph's name"),
+    ],
+)
+def test_what_cannot_be_known_is_told(tmp_path: Path, settings: dict[str, str], said: str) -> None:
+    if "known_lights" in settings:
+        (tmp_path / "known.txt").write_text(settings["known_lights"])
+        settings = {"known_lights": str(tmp_path / "known.txt")}
+    with pytest.raises(LightsphereError, match=said):
+        solved(photographed(view(40), lamps()), **settings)
+
+
+def test_a_proxy_beside_the_object_is_told() -> None:
+    camera = view(40)
+    away = synthetic.ball(camera).within(np.zeros((56, 56), bool))
+    with pytest.raises(LightsphereError, match="proxy mesh is nowhere"):
+        finish(recover(photographed(camera, lamps()), ShapeSettings(method="uncalibrated"), away))
+
+
+def test_the_page_shows_every_light_and_what_is_open(ball: Recovered) -> None:
+    doubtful = dataclasses.replace(ball.shape, notes={**ball.shape.notes, "doubts": ["the lamp <was> out"]})
+    capture = dataclasses.replace(photographed(view(40), lamps()), lights=ball.lights)
+    page = report(Results(capture, doubtful, ball.reflectance, 12.0))
+    assert page.count("data:image/png") > 12 and "the lamp &lt;was&gt; out." in page
+    assert page.count("<tr>") == 1 + COUNT
+
+
+def test_the_objective_falls(ball: Recovered) -> None:
+    course = np.array(ball.shape.notes["objective"])
+    assert course[-1] < 0.05 * course[0] and (course[1:] < 1.1 * course[:-1]).all()
 
 
 @pytest.mark.slow

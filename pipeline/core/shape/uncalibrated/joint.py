@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from . import integrability
 from .equations import certainties, eliminate, foresee, foreseen_costs, turn_normals
+from .known import Known
 from .outline import Outline
 from .start import mean_strength_one
 
@@ -22,15 +23,18 @@ Array = NDArray[np.float64]
 
 DAMPING = (1e-2, 1e-5)  # first, and least
 CALMER, BOLDER = 6.0, 0.25  # the damping's change after a step that failed, or did not
+PARTS_OF_A_STEP = ("pixels", "lights", "bases")
 PARTS = 4  # of the pixels that are summed by themselves
 HELD = 6  # times that coefficients are held at zero anew in a step
 RIM_ALONG, RIM_ACROSS = 0.1, 0.15  # deviations of a rim's normal from the outline's, and from the dome's slant
-RIM_OUTLYING = 2.0  # such deviations beyond which the rim is no rim
+PROXY = 0.2  # deviation of a rough mesh's normals along each axis
+OUTLYING = 2.0  # such deviations beyond which the rim is no rim, and the mesh is wrong
+LIGHT = 0.01  # deviation of a known light's direction [rad]
 CORRELATED = 10.0  # values whose misfits go together: other cues weigh by so much more
+ALIKE = 100.0  # the same, for how far lights can be off: a wrong lobe is wrong over all of a highlight
 CURL_TRUST = 0.1  # of the normals' integrability: its misfits go together over the whole surface
 OPEN = 1.0  # scatter of strengths that are not believed to be alike
 RIDGE = 1e-9
-CUES = frozenset(("rim", "surface", "strengths"))
 
 
 @dataclass
@@ -46,8 +50,10 @@ class Joint:
     normals, weights, lights, coefficients : (P, 3), (P, K), (L, 3), (K, J, 3)
     scatter : float
         Standard deviation of the logarithm of the lights' strengths, as far as it is known.
-    believes : frozenset of str
-        Which cues beside the pictures count, of :data:`CUES`.
+    known : Known
+        Its cues are those that count beside the pictures.
+    proxy : (P, 3) float64
+        Normals of a rough mesh, NaN where not known.
     """
 
     values: Array
@@ -61,19 +67,42 @@ class Joint:
     lights: Array
     coefficients: Array
     scatter: float
-    believes: frozenset[str] = CUES
+    known: Known
+    proxy: Array
 
     def __post_init__(self) -> None:
         pixels, count = self.lit.shape
         bases, functions, colours = self.coefficients.shape
         self.damping = DAMPING[0]
         self.certainty, self.misfit = np.empty((2, pixels, count))
-        self.cues = np.stack([self.outline.along, self.views], axis=1)
-        self.targets = np.stack([np.zeros(pixels), (self.outline.dome * self.views).sum(axis=1)], axis=1)
-        self.trust = np.zeros((pixels, 2))
+        self._cues()
         self.shared = 3 * count + bases * functions * colours
-        self.surface = (np.zeros((0, 3 * count)), np.zeros(0))
+        self.beside = (np.zeros((0, 3 * count)), np.zeros(0))
+        self.never = np.zeros(self.coefficients.shape, bool)
+        self.never[:, 1:] = "highlights" not in self.known.cues
+        self.coefficients = np.where(self.never, 0.0, self.coefficients)
         self.belief = 0.0
+
+    def _cues(self) -> None:
+        """Arrange what is known of normals: cue . n = target, in units of its deviation, where it counts."""
+        pixels = len(self.normals)
+        rim = self.outline.rim & ("outline" in self.known.cues)
+        slant = (self.outline.dome * self.views).sum(axis=1)
+        cues, targets = [self.outline.along, self.views], [np.zeros(pixels), slant]
+        counted, deviations = [rim, rim], [RIM_ALONG, RIM_ACROSS]
+        if self.known.normals is not None:
+            cues += [np.broadcast_to(axis, (pixels, 3)) for axis in np.eye(3)]
+            targets += list(np.nan_to_num(self.proxy).T)
+            counted += 3 * [np.isfinite(self.proxy).all(axis=1)]
+            deviations += 3 * [PROXY]
+        self.cues = np.ascontiguousarray(np.stack(cues, axis=1))
+        self.targets, self.counted = np.stack(targets, axis=1), np.stack(counted, axis=1)
+        self.deviations = np.array(deviations)
+        self.trust = np.zeros(self.targets.shape)
+
+    def _off(self) -> Array:
+        """Return how far normals are from the cues, in deviations (P, M)."""
+        return np.asarray((self.targets - np.einsum("pmi,pi->pm", self.cues, self.normals)) / self.deviations)
 
     def weigh(self) -> None:
         """Estimate anew how much every value counts, and every cue beside the values; fix the free scales."""
@@ -89,40 +118,46 @@ class Joint:
             self.coefficients, self.certainty, self.misfit,
         )  # fmt: skip
         self.trust[:] = 0.0
-        self.surface = (self.surface[0][:0], self.surface[1][:0])
+        self.beside = (self.beside[0][:0], self.beside[1][:0])
         free = 3 * (self.certainty > 0).sum() - self.normals.shape[0] * (2 + self.weights.shape[1])
         self.belief = CORRELATED * float(self._pixel_costs().sum()) / max(free, 1)
-        deviations = np.array([RIM_ALONG, RIM_ACROSS])
-        off = (self.targets - np.einsum("pmi,pi->pm", self.cues, self.normals)) / deviations
-        trust = self.belief / deviations**2 / (1.0 + (off / RIM_OUTLYING) ** 2) ** 2
-        self.trust[:] = np.where(self.outline.rim[:, None] & ("rim" in self.believes), trust, 0.0)
+        trust = self.belief / self.deviations**2 / (1.0 + (self._off() / OUTLYING) ** 2) ** 2
+        self.trust[:] = np.where(self.counted, trust, 0.0)
+        self.beside = self._known_lights()
 
     def believe_surface(self, mask: NDArray[np.bool_], rays: Array, pinhole: bool) -> None:
         """Take up that the normals are those of one surface, linearised where they are; after :meth:`weigh`."""
-        if "surface" not in self.believes:
+        if "surface" not in self.known.cues:
             return
         matrix, target = integrability.cue(mask, rays, self.normals, self.lights, pinhole)
         weight = np.sqrt(CURL_TRUST * self.belief)
-        self.surface = (weight * matrix, weight * target)
+        self.beside = (np.vstack([self.beside[0], weight * matrix]), np.append(self.beside[1], weight * target))
 
     def cost(self) -> float:
         """Return what is minimised, as it is weighed now."""
-        off = self.surface[1] - self.surface[0] @ self.lights.ravel()
+        off = self.beside[1] - self.beside[0] @ self.lights.ravel()
         return float(self._pixel_costs().sum() + self._strengths()[0] + (off**2).sum())
 
     def objective(self) -> float:
         """Return the robust cost that weighted costs stand for, comparable between starts; just after :meth:`weigh`."""
-        off = (self.targets - np.einsum("pmi,pi->pm", self.cues, self.normals)) / [RIM_ALONG, RIM_ACROSS]
-        rim = (off**2 / (1.0 + (off / RIM_OUTLYING) ** 2))[self.outline.rim]
-        beside = self.surface[1] - self.surface[0] @ self.lights.ravel()
-        return float(self.misfit.sum() + self.belief * rim.sum() + self._strengths()[0] + (beside**2).sum())
+        off = self._off()[self.counted] ** 2
+        beside = self.beside[1] - self.beside[0] @ self.lights.ravel()
+        cues = self.belief * (off / (1.0 + off / OUTLYING**2)).sum()
+        return float(self.misfit.sum() + cues + self._strengths()[0] + (beside**2).sum())
 
-    def step(self) -> bool:
-        """Go a step down, or become calmer; return whether it went."""
+    def step(self, parts: frozenset[str] = frozenset(PARTS_OF_A_STEP)) -> bool:
+        """Go a step down in some of :data:`PARTS_OF_A_STEP`, or become calmer; return whether it went."""
         before = (self.normals, self.weights, self.lights, self.coefficients, self.cost())
-        system, right, factors, reduced, pixels_right = self._eliminated()
-        shared = self._solved(system, right)
-        lights = 3 * len(self.lights)
+        system, right, factors, reduced, pixels_right = self._equations()
+        lights, shared = 3 * len(self.lights), np.zeros(len(right))
+        moved = np.repeat(["lights" in parts, "bases" in parts], [lights, len(right) - lights])
+        if "pixels" in parts:  # they follow what is shared
+            flat = reduced.reshape(-1, len(right))
+            system, right = system - flat.T @ flat, right - flat.T @ pixels_right.ravel()
+        else:
+            pixels_right, reduced = np.zeros_like(pixels_right), np.zeros_like(reduced)
+        if moved.any():
+            shared = self._solved(system, right, ~moved)
         own = pixels_right - np.einsum("pig,g->pi", reduced, shared)
         own = np.linalg.solve(np.tril(factors).swapaxes(1, 2), own[..., None])[..., 0]
         self.normals = self.normals.copy()
@@ -152,15 +187,18 @@ class Joint:
     def light_covariance(self) -> Array:
         """Return the covariance (3 L, 3 L) of the lights that the misfit and the curvature of the cost give."""
         damping, self.damping = self.damping, DAMPING[1]
-        system = self._eliminated()[0]
+        system, _, _, reduced, _ = self._equations()
+        flat = reduced.reshape(-1, len(system))
+        system = system - flat.T @ flat
         self.damping = damping
         free = np.diag(system) > RIDGE * np.diag(system).max()
         free[3 * len(self.lights) :] &= self.coefficients.ravel() > 0
         count = 3 * len(self.lights)
         inverse = np.linalg.pinv(system[np.ix_(free, free)], hermitian=True)
-        return np.asarray(self.belief * inverse[:count, :count])
+        return np.asarray(ALIKE / CORRELATED * self.belief * inverse[:count, :count])
 
-    def _eliminated(self) -> tuple[Array, Array, Array, Array, Array]:
+    def _equations(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Return the shared unknowns' damped system (G, G) and right side, and what :func:`eliminate` fills in."""
         pixels, own, total = len(self.normals), 2 + self.weights.shape[1], self.shared
         factors, reduced = np.empty((pixels, own, own)), np.empty((pixels, own, total))
         right = np.empty((pixels, own))
@@ -173,21 +211,18 @@ class Joint:
         lights = 3 * len(self.lights)
         matrix[lights:, :lights] = matrix[:lights, lights:].T
         _, strength_matrix, strength_right = self._strengths()
-        matrix[:lights, :lights] += strength_matrix + self.surface[0].T @ self.surface[0]
-        vector[:lights] += strength_right + self.surface[0].T @ (
-            self.surface[1] - self.surface[0] @ self.lights.ravel()
-        )
+        matrix[:lights, :lights] += strength_matrix + self.beside[0].T @ self.beside[0]
+        vector[:lights] += strength_right + self.beside[0].T @ (self.beside[1] - self.beside[0] @ self.lights.ravel())
         diagonal = np.diag(matrix).copy()
         matrix[np.diag_indices(total)] += self.damping * diagonal + RIDGE * diagonal.max()
-        flat = reduced.reshape(-1, total)
-        return matrix - flat.T @ flat, vector - flat.T @ right.ravel(), factors, reduced, right
+        return matrix, vector, factors, reduced, right
 
-    def _solved(self, system: Array, right: Array) -> Array:
-        """Return the step of the shared unknowns; coefficients at zero that want below it are held."""
+    def _solved(self, system: Array, right: Array, still: NDArray[np.bool_]) -> Array:
+        """Return the step of the shared unknowns but those that stand still; coefficients do not step below zero."""
         lights = 3 * len(self.lights)
         now = self.coefficients.ravel()
-        held = np.zeros(len(right), bool)
-        held[lights:] = (now <= 0) & (right[lights:] <= 0)
+        held = still.copy()
+        held[lights:] |= ((now <= 0) & (right[lights:] <= 0)) | self.never.ravel()
         step = np.zeros(len(right))
         for _ in range(HELD):
             free = ~held
@@ -199,10 +234,19 @@ class Joint:
             held[lights:] |= below
         return step
 
+    def _known_lights(self) -> tuple[Array, Array]:
+        """Return equations ``matrix @ s = target``: known lights' parts across their directions are nothing."""
+        directions = self.known.directions
+        matrix = np.zeros((3 * len(directions), self.lights.size))
+        for row, (number, direction) in enumerate(zip(self.known.lights, directions, strict=True)):
+            across = np.eye(3) - np.outer(direction, direction)
+            matrix[3 * row : 3 * row + 3, 3 * number : 3 * number + 3] = across
+        return np.sqrt(self.belief) / LIGHT * matrix, np.zeros(len(matrix))
+
     def _strengths(self) -> tuple[float, Array, Array]:
         """Return cost, matrix and right side of the strengths' being alike."""
         strength = np.linalg.norm(self.lights, axis=1)
-        weight = self.belief / (self.scatter if "strengths" in self.believes else OPEN) ** 2
+        weight = self.belief / (self.scatter if "strengths" in self.known.cues else OPEN) ** 2
         slope = np.zeros((len(strength), 3 * len(strength)))
         for k, light in enumerate(self.lights / strength[:, None] ** 2):
             slope[k, 3 * k : 3 * k + 3] = light

@@ -89,19 +89,19 @@ def _camera_rays(camera: Camera, mask: NDArray[np.bool_], side: int) -> Array:
 
 def reduced(camera: Camera, full: Pictures, side: int) -> Pictures:
     """Return the means of square blocks of pixels within the mask."""
-    mask = _blocks(full.mask, side).all(axis=(1, 3))
+    mask = blocks(full.mask, side).all(axis=(1, 3))
     count = full.values.shape[1]
     values, usable = np.empty((int(mask.sum()), count, 3)), np.empty((int(mask.sum()), count))
     picture, used = np.zeros((*full.mask.shape, 3)), np.zeros(full.mask.shape)
     for light in range(count):
         picture[full.mask], used[full.mask] = full.values[:, light], full.usable[:, light]
-        values[:, light] = _blocks(picture, side).mean(axis=(1, 3))[mask]
-        usable[:, light] = _blocks(used, side).min(axis=(1, 3))[mask]
+        values[:, light] = blocks(picture, side).mean(axis=(1, 3))[mask]
+        usable[:, light] = blocks(used, side).min(axis=(1, 3))[mask]
     rays = _camera_rays(camera, mask, side)
     return Pictures(mask, rays, values, usable, full.noise / side, full.pinhole)
 
 
-def _blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
+def blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:
     """Return a picture (H, W, ...) as (H / side, side, W / side, side, ...); what does not fill a block is left out."""
     height, width = picture.shape[0] // side, picture.shape[1] // side
     return picture[: height * side, : width * side].reshape(height, side, width, side, *picture.shape[2:])

@@ -26,8 +26,9 @@ from ..photometric.sight import Sight, see
 from ..settings import STRENGTHS, ShapeSettings
 from . import lobes
 from .joint import Joint
+from .known import known
 from .outline import outline
-from .pictures import Pictures, pictures_of, reduced
+from .pictures import Pictures, blocks, pictures_of, reduced
 from .scales import Scale, every_pixel
 from .solve import Solution, solve
 
@@ -53,13 +54,22 @@ class Recovered:
     doubts: tuple[str, ...]
 
 
-def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
+def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = None) -> Work[Recovered]:
     """Recover lights, normals, surface, bases and weight maps; what the capture says of its lights is not looked at.
+
+    Parameters
+    ----------
+    capture : Capture
+    settings : ShapeSettings
+    proxy : Shape, optional
+        What the camera sees of a rough mesh of the object or of a part of it: its normals are a cue, its depth sets
+        the size (pinhole) or the place along the view (orthographic) that normals leave open.
 
     Raises
     ------
     LightsphereError
-        For fewer than six photographs, too small an object, or pictures without anything to start from.
+        For fewer than six photographs, too small an object, pictures without anything to start from, or a file of
+        known lights that is none.
     """
     if len(capture) < FEWEST:
         raise LightsphereError(
@@ -68,6 +78,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     mask = capture.mask()
     if mask.sum() < FEW_PIXELS:
         raise LightsphereError(f"{capture.folder}: {int(mask.sum())} pixels show the object; correct the mask")
+    told = known(capture, settings.cues, settings.known_lights, proxy)
     sight = yield from see(_hidden(capture), mask)
     level = float(np.quantile(sight.values, 0.9))
     if not level > 0:
@@ -77,7 +88,13 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     scales = _scales(capture.camera, everything)
     coarse = scales[0].pictures
     solution = yield from solve(
-        coarse, outline(coarse.mask, coarse.views), settings.bases, STRENGTHS[settings.strengths]
+        coarse,
+        outline(coarse.mask, coarse.views),
+        settings.bases,
+        STRENGTHS[settings.strengths],
+        told,
+        _proxy_of_blocks(told.normals, scales[0]),
+        settings.objective == "joint",
     )
     joint = solution.joint
     fitted = yield from every_pixel(scales, joint)
@@ -95,6 +112,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     confidence = (1.0 - misfit) / (1.0 + fitted.deviation / USUAL_DEVIATION)
     layers = {"misfit": misfit, "normal_deviation": np.degrees(fitted.deviation)}
     shape = surface(capture, mask, normals, confidence, None, layers)
+    if proxy is not None:
+        shape = dataclasses.replace(shape.levelled(proxy.depth), notes={"level": "of the proxy"})
     notes = {
         "lights": [
             {"direction": d.tolist(), "strength": float(s), "deviation_deg": float(u)}
@@ -102,10 +121,12 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
         ],
         "doubts": list(doubts),
         "objectives": list(solution.objectives),
+        "objective": list(solution.course),
+        "cues": sorted(told.cues),
     }
     shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
-    known = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))
-    reflectance = _reflectance(mask, known, everything, normals, weights, scaled, misfit)
+    lit = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))
+    reflectance = _reflectance(mask, lit, everything, normals, weights, scaled, misfit)
     return Recovered(shape, reflectance, lights, spread, doubts)
 
 
@@ -114,11 +135,19 @@ def _scales(camera: Camera, full: Pictures) -> list[Scale]:
     side = max(round(float(np.sqrt(full.mask.sum() / PIXELS))), 1)
     found = []
     while side > 1:
-        blocks = reduced(camera, full, side)
-        if len(blocks.values) >= FEW_PIXELS:
-            found.append(Scale(side, blocks))
+        coarse = reduced(camera, full, side)
+        if len(coarse.values) >= FEW_PIXELS:
+            found.append(Scale(side, coarse))
         side = (side + 1) // 2
     return [*found, Scale(1, full)]
+
+
+def _proxy_of_blocks(normals: Array | None, scale: Scale) -> Array:
+    """Return the mean normals (P, 3) of a rough mesh in blocks, NaN where it has none."""
+    if normals is None:
+        return np.full((len(scale.pictures.values), 3), np.nan)
+    mean = blocks(normals, scale.side).mean(axis=(1, 3))[scale.pictures.mask]
+    return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
 
 
 def _hidden(capture: Capture) -> Capture:

@@ -14,10 +14,11 @@ from ...progress import Progress, Work, retold
 from ..photometric.sight import Sight
 from ..photometric.start import begin, clusters
 from . import lobes
-from .joint import CUES, Joint
+from .joint import PARTS_OF_A_STEP, Joint
+from .known import Known
 from .outline import Outline
 from .pictures import Pictures
-from .start import first_lights
+from .start import first_lights, towards_known
 
 Array = NDArray[np.float64]
 
@@ -40,54 +41,84 @@ class Solution:
         Of every start, the best first.
     doubtful : list of (L, 3) float64
         Lights that are nearly as good: where other starts ended, and where it goes without one of the cues.
+    course : tuple of float
+        The best one's objective every :data:`REWEIGHED` steps, and at its end.
     """
 
     joint: Joint
     objectives: tuple[float, ...]
     doubtful: list[Array]
+    course: tuple[float, ...]
 
 
-def solve(pictures: Pictures, outline: Outline, bases: int, scatter: float) -> Work[Solution]:
+def solve(
+    pictures: Pictures, outline: Outline, bases: int, scatter: float, known: Known, proxy: Array, together: bool = True
+) -> Work[Solution]:
     """Find lights and bases.
+
+    Parameters
+    ----------
+    pictures : Pictures
+    outline : Outline
+    bases : int
+    scatter : float
+        Standard deviation of the logarithm of the lights' strengths.
+    known : Known
+    proxy : (P, 3) float64
+        Normals of a rough mesh, NaN where not known.
+    together : bool
+        Whether all unknowns move at once, or pixels, lights and bases in turn.
 
     Raises
     ------
     LightsphereError
         When the pictures leave nothing to start from.
     """
-    starts = first_lights(pictures.gray, pictures.lit > 0, outline.dome)
+    guess = np.where(np.isfinite(proxy).all(axis=1, keepdims=True), proxy, outline.dome)
+    starts = first_lights(pictures.gray, pictures.lit > 0, guess)
+    if len(known.lights):
+        starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
     if not starts:
         raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
-    total = len(starts) * STEPS + len(CUES) * STEPS_WITHOUT
+    left_out = sorted(known.cues - {"highlights"})
+    total = len(starts) * STEPS + len(left_out) * STEPS_WITHOUT
     ends = []
     for number, lights in enumerate(starts):
-        joint = yield from _begun(pictures, outline, lights, bases, scatter)
-        yield from _descend(joint, pictures, STEPS, number * STEPS, total)
-        ends.append((joint.objective(), joint))
-    ends.sort(key=lambda end: end[0])
-    best = ends[0][1]
-    doubtful = [end.lights for objective, end in ends[1:] if objective < AS_GOOD * ends[0][0]]
-    for number, cue in enumerate(sorted(CUES)):
-        without = dataclasses.replace(best, believes=CUES - {cue})
-        yield from _descend(without, pictures, STEPS_WITHOUT, len(starts) * STEPS + number * STEPS_WITHOUT, total)
+        joint = yield from _begun(pictures, outline, lights, bases, scatter, known, proxy)
+        course = yield from _descend(joint, pictures, STEPS, number * STEPS, total, together)
+        ends.append((course, joint))
+    ends.sort(key=lambda end: end[0][-1])
+    (course, best), least = ends[0], ends[0][0][-1]
+    doubtful = [end.lights for other, end in ends[1:] if other[-1] < AS_GOOD * least]
+    for number, cue in enumerate(left_out):
+        without = dataclasses.replace(best, known=dataclasses.replace(known, cues=known.cues - {cue}))
+        before = len(starts) * STEPS + number * STEPS_WITHOUT
+        yield from _descend(without, pictures, STEPS_WITHOUT, before, total, together)
         doubtful.append(without.lights)
-    return Solution(best, tuple(objective for objective, _ in ends), doubtful)
+    return Solution(best, tuple(other[-1] for other, _ in ends), doubtful, tuple(course))
 
 
-def _descend(joint: Joint, pictures: Pictures, steps: int, before: int, total: int) -> Work[None]:
-    """Minimise from where the state is; it is weighed in the end."""
+def _descend(
+    joint: Joint, pictures: Pictures, steps: int, before: int, total: int, together: bool
+) -> Work[list[float]]:
+    """Minimise from where the state is, and return the objective every few steps; the state is weighed in the end."""
+    course = []
     for done in range(steps):
         if done % REWEIGHED == 0:
             joint.weigh()
             if done >= SURFACE_FROM * STEPS or steps < STEPS:
                 joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
-        joint.step()
+            course.append(joint.objective())
+        joint.step(frozenset(PARTS_OF_A_STEP if together else PARTS_OF_A_STEP[done % 3 : done % 3 + 1]))
         yield Progress("lights", before + done + 1, total, "steps")
     joint.weigh()
     joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
+    return [*course, joint.objective()]
 
 
-def _begun(pictures: Pictures, outline: Outline, lights: Array, bases: int, scatter: float) -> Work[Joint]:
+def _begun(
+    pictures: Pictures, outline: Outline, lights: Array, bases: int, scatter: float, known: Known, proxy: Array
+) -> Work[Joint]:
     """Return the state with each pixel fitted by itself under the first lights, and bases of the pixels alike."""
     strength = np.linalg.norm(lights, axis=1, keepdims=True)
     values = (pictures.values / strength).astype(np.float32)
@@ -114,6 +145,8 @@ def _begun(pictures: Pictures, outline: Outline, lights: Array, bases: int, scat
         lights,
         coefficients,
         scatter,
+        known,
+        proxy,
     )
 
 

@@ -21,6 +21,7 @@ DOME_WIDTH = 0.3  # misfit [rad] at which a normal of the dome counts half
 DOME_ROUNDS = 20
 ALBEDOS = (0.2, 5.0)  # over the usual one
 LEAST_SQUARE = 1e-3  # least over largest eigenvalue with which equal strengths fix a factor
+STIFF = 1e-4  # weight of leaving all lights as they are where some are known
 RIDGE = 1e-9
 
 
@@ -98,6 +99,16 @@ def mean_strength_one(lights: Array) -> Array:
     """Return the lights scaled so that the geometric mean of their strengths is 1."""
     strength = np.maximum(np.linalg.norm(lights, axis=1), RIDGE)
     return np.asarray(lights / np.exp(np.log(strength).mean()))
+
+
+def towards_known(lights: Array, numbers: NDArray[np.int64], directions: Array) -> Array:
+    """Return the lights (L, 3) under the least linear change of all that turns some to known unit directions (N, 3)."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    # of lights @ change, the parts across the known directions, by the change's nine numbers
+    parts = np.einsum("ni,njk->nkij", lights[numbers], across).reshape(-1, 9)
+    system = parts.T @ parts + STIFF * np.eye(9)
+    change = np.linalg.solve(system, STIFF * np.eye(3).ravel()).reshape(3, 3)
+    return mean_strength_one(lights @ change)
 
 
 def _turned_to(pixels: Array, trust: Array, dome: Array, lights: Array, by_dome: Array) -> Array:
