@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,6 +39,10 @@ class Known:
     lights: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     directions: Array = field(default_factory=lambda: np.zeros((0, 3)))
     normals: Array | None = None
+
+    def without(self, cue: str) -> Known:
+        """Return the same, one cue less believed."""
+        return dataclasses.replace(self, cues=self.cues - {cue})
 
 
 def known(capture: Capture, cues: str, lights: str, proxy: Shape | None) -> Known:

@@ -30,7 +30,7 @@ from .known import known
 from .outline import outline
 from .pictures import Pictures, blocks, pictures_of, reduced
 from .scales import Scale, every_pixel
-from .solve import Solution, solve
+from .solve import Problem, Solution, solve
 
 Array = NDArray[np.float64]
 
@@ -87,15 +87,16 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     everything = pictures_of(capture.camera, mask, sight, level * colours)
     scales = _scales(capture.camera, everything)
     coarse = scales[0].pictures
-    solution = yield from solve(
-        coarse,
-        outline(coarse.mask, coarse.views),
-        settings.bases,
-        STRENGTHS[settings.strengths],
-        told,
-        _proxy_of_blocks(told.normals, scales[0]),
-        settings.objective == "joint",
+    problem = Problem(
+        pictures=coarse,
+        outline=outline(coarse.mask, coarse.views),
+        bases=settings.bases,
+        scatter=STRENGTHS[settings.strengths],
+        known=told,
+        proxy=_proxy_of_blocks(told.normals, scales[0]),
+        together=settings.objective == "joint",
     )
+    solution = yield from solve(problem)
     joint = solution.joint
     fitted = yield from every_pixel(scales, joint)
     normals, weights = fitted.normals, fitted.weights
@@ -122,7 +123,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
         "doubts": list(doubts),
         "objectives": list(solution.objectives),
         "objective": list(solution.course),
-        "cues": sorted(told.cues),
+        "cues": sorted(joint.known.cues),
     }
     shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
     lit = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))

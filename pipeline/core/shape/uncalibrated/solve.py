@@ -23,10 +23,10 @@ from .start import first_lights, towards_known
 Array = NDArray[np.float64]
 
 MIXED = 0.02  # share that every basis has of every pixel at first
-STEPS = 60  # of the joint minimisation
-REWEIGHED = 5  # every so many steps the values are weighed anew
-SURFACE_FROM = 0.5  # of the steps; before, normals are too wrong to tell of a surface
-STEPS_WITHOUT = 30  # from the best end, without one of the cues
+MOST = (6, 24)  # weighings of the values in the phases of a descent, at most
+SETTLED = 0.0005  # relative fall of the objective between two weighings that is none, twice in a row
+HOPELESS = 3.0  # times the best objective: such a start is given up
+REWEIGHED = 5  # steps between two weighings of the values
 AS_GOOD = 1.1  # times the best objective: such an end is nearly as good
 
 
@@ -51,16 +51,16 @@ class Solution:
     course: tuple[float, ...]
 
 
-def solve(
-    pictures: Pictures, outline: Outline, bases: int, scatter: float, known: Known, proxy: Array, together: bool = True
-) -> Work[Solution]:
-    """Find lights and bases.
+@dataclass(frozen=True)
+class Problem:
+    """What lights and bases are sought for.
 
     Parameters
     ----------
     pictures : Pictures
     outline : Outline
     bases : int
+        The most that are told apart.
     scatter : float
         Standard deviation of the logarithm of the lights' strengths.
     known : Known
@@ -68,58 +68,92 @@ def solve(
         Normals of a rough mesh, NaN where not known.
     together : bool
         Whether all unknowns move at once, or pixels, lights and bases in turn.
+    """
+
+    pictures: Pictures
+    outline: Outline
+    bases: int
+    scatter: float
+    known: Known
+    proxy: Array
+    together: bool = True
+
+
+def solve(problem: Problem) -> Work[Solution]:
+    """Find lights and bases from every start, and once more as if all were matt: lobes can lead astray where it is.
 
     Raises
     ------
     LightsphereError
         When the pictures leave nothing to start from.
     """
-    guess = np.where(np.isfinite(proxy).all(axis=1, keepdims=True), proxy, outline.dome)
+    known, pictures = problem.known, problem.pictures
+    guess = np.where(np.isfinite(problem.proxy).all(axis=1, keepdims=True), problem.proxy, problem.outline.dome)
     starts = first_lights(pictures.gray, pictures.lit > 0, guess)
     if len(known.lights):
         starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
     if not starts:
         raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
-    left_out = sorted(known.cues - {"highlights"})
-    total = len(starts) * STEPS + len(left_out) * STEPS_WITHOUT
-    ends = []
-    for number, lights in enumerate(starts):
-        joint = yield from _begun(pictures, outline, lights, bases, scatter, known, proxy)
-        course = yield from _descend(joint, pictures, STEPS, number * STEPS, total, together)
+    attempts = [(lights, known) for lights in starts]
+    if "highlights" in known.cues:
+        attempts.append((starts[0], known.without("highlights")))
+    total = (len(attempts) + len(known.cues)) * sum(MOST) * REWEIGHED
+    ends: list[tuple[list[float], Joint]] = []
+    for number, (lights, believed) in enumerate(attempts):
+        joint = yield from _begun(problem, lights, believed)
+        best = min((course[-1] for course, _ in ends), default=np.inf)
+        descent = _descend(joint, problem, (0, 1), best)
+        course = yield from _counted(descent, number * sum(MOST) * REWEIGHED, total)
         ends.append((course, joint))
     ends.sort(key=lambda end: end[0][-1])
-    (course, best), least = ends[0], ends[0][0][-1]
-    doubtful = [end.lights for other, end in ends[1:] if other[-1] < AS_GOOD * least]
-    for number, cue in enumerate(left_out):
-        without = dataclasses.replace(best, known=dataclasses.replace(known, cues=known.cues - {cue}))
-        before = len(starts) * STEPS + number * STEPS_WITHOUT
-        yield from _descend(without, pictures, STEPS_WITHOUT, before, total, together)
+    course, least = ends[0]
+    doubtful = [end.lights for other, end in ends[1:] if other[-1] < AS_GOOD * course[-1]]
+    for number, cue in enumerate(sorted(least.known.cues - {"highlights"}), start=len(attempts)):
+        without = dataclasses.replace(least, known=least.known.without(cue))
+        yield from _counted(_descend(without, problem, (1,)), number * sum(MOST) * REWEIGHED, total)
         doubtful.append(without.lights)
-    return Solution(best, tuple(other[-1] for other, _ in ends), doubtful, tuple(course))
+    return Solution(least, tuple(other[-1] for other, _ in ends), doubtful, tuple(course))
 
 
-def _descend(
-    joint: Joint, pictures: Pictures, steps: int, before: int, total: int, together: bool
-) -> Work[list[float]]:
-    """Minimise from where the state is, and return the objective every few steps; the state is weighed in the end."""
-    course = []
-    for done in range(steps):
-        if done % REWEIGHED == 0:
+def _counted(work: Work[list[float]], before: int, total: int) -> Work[list[float]]:
+    """Return work whose steps count among all."""
+    return (yield from retold(work, lambda step: Progress("lights", before + step.done, total, "steps")))
+
+
+def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: float = np.inf) -> Work[list[float]]:
+    """Minimise from where the state is until it settles, and return the objective every few steps.
+
+    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. A descent that is far above the best
+    objective known so far, when it has settled once, is given up. The state is weighed in the end.
+    """
+    pictures, course, done = problem.pictures, [], 0
+    for phase in phases:
+        for _ in range(MOST[phase]):
             joint.weigh()
-            if done >= SURFACE_FROM * STEPS or steps < STEPS:
+            if phase:
                 joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
             course.append(joint.objective())
-        joint.step(frozenset(PARTS_OF_A_STEP if together else PARTS_OF_A_STEP[done % 3 : done % 3 + 1]))
-        yield Progress("lights", before + done + 1, total, "steps")
+            if (
+                len(course) > 2
+                and course[-1] > (1.0 - SETTLED) * course[-2]
+                and course[-2] > (1.0 - SETTLED) * course[-3]
+            ):
+                break
+            for _ in range(REWEIGHED):
+                moving = PARTS_OF_A_STEP if problem.together else PARTS_OF_A_STEP[done % 3 : done % 3 + 1]
+                joint.step(frozenset(moving))
+                done += 1
+                yield Progress("lights", done, sum(MOST) * REWEIGHED, "steps")
+        if course[-1] > HOPELESS * best:
+            break
     joint.weigh()
     joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
     return [*course, joint.objective()]
 
 
-def _begun(
-    pictures: Pictures, outline: Outline, lights: Array, bases: int, scatter: float, known: Known, proxy: Array
-) -> Work[Joint]:
+def _begun(problem: Problem, lights: Array, known: Known) -> Work[Joint]:
     """Return the state with each pixel fitted by itself under the first lights, and bases of the pixels alike."""
+    pictures = problem.pictures
     strength = np.linalg.norm(lights, axis=1, keepdims=True)
     values = (pictures.values / strength).astype(np.float32)
     views = pictures.views
@@ -128,7 +162,7 @@ def _begun(
         np.zeros_like(views), views,
     )  # fmt: skip
     start = yield from retold(begin(sight), lambda step: dataclasses.replace(step, stage="pixels"))
-    owner = clusters(start.features, bases)
+    owner = clusters(start.features, problem.bases)
     count = int(owner.max(initial=0)) + 1
     weights = np.repeat(MIXED * start.albedo[:, None], count, axis=1)
     weights[np.arange(len(owner)), owner] += start.albedo
@@ -139,14 +173,14 @@ def _begun(
         pictures.usual,
         pictures.noise,
         views,
-        outline,
+        problem.outline,
         start.normals.copy(),
         weights,
         lights,
         coefficients,
-        scatter,
+        problem.scatter,
         known,
-        proxy,
+        problem.proxy,
     )
 
 
