@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,19 +127,14 @@ def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: floa
     In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. A descent that is far above the best
     objective known so far, when it has settled once, is given up. The state is weighed in the end.
     """
-    pictures, course, done = problem.pictures, [], 0
+    pictures, course, done = problem.pictures, list[float](), 0
     for phase in phases:
-        for _ in range(MOST[phase]):
+        before = len(course)
+        while len(course) < before + MOST[phase] and not _settled(course[before:]):
             joint.weigh()
             if phase:
                 joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
             course.append(joint.objective())
-            if (
-                len(course) > 2
-                and course[-1] > (1.0 - SETTLED) * course[-2]
-                and course[-2] > (1.0 - SETTLED) * course[-3]
-            ):
-                break
             for _ in range(REWEIGHED):
                 moving = PARTS_OF_A_STEP if problem.together else PARTS_OF_A_STEP[done % 3 : done % 3 + 1]
                 joint.step(frozenset(moving))
@@ -149,6 +145,11 @@ def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: floa
     joint.weigh()
     joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
     return [*course, joint.objective()]
+
+
+def _settled(course: Sequence[float]) -> bool:
+    """Return whether the objective hardly fell, twice in a row."""
+    return len(course) > 2 and min(course[-1] / course[-2], course[-2] / course[-3]) > 1.0 - SETTLED
 
 
 def _begun(problem: Problem, lights: Array, known: Known) -> Work[Joint]:
