@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..core.shape.mesh import relief
 from . import figures, html, style
 
 SHOWN = 3  # photographs beside what is rendered of them, the best, the middle and the worst
+WIRES = 160  # of the wire-frames, at most
 AZIMUTHS = (-35.0, 0.0, 35.0)  # from which the surface is drawn [degrees]
 
 
@@ -143,8 +145,21 @@ def _surface(r: Results) -> str:
             sure, "Confidence.", "", "pixels dark", figures.word_scale(style.CONFIDENCE, "least sure", "surest")
         ),
     ]
-    wires = [html.figure(png, "", "") for png in figures.wireframe(relief(r.shape), r.shape.camera, AZIMUTHS)]
+    coarse = _coarser(r.shape)
+    wires = [html.figure(png, "", "") for png in figures.wireframe(relief(coarse), coarse.camera, AZIMUTHS)]
     return html.section("The surface", html.row(maps), html.row(wires))
+
+
+def _coarser(shape: Shape) -> Shape:
+    """Return a shape of at most :data:`WIRES` pixels a side."""
+    step = -(-max(shape.depth.shape) // WIRES)
+    kept = {name: getattr(shape, name)[::step, ::step] for name in ("depth", "normal", "confidence")}
+    height, width = kept["depth"].shape
+    (fx, fy), (x, y) = shape.camera.focal, shape.camera.centre
+    camera = dataclasses.replace(
+        shape.camera, resolution=(width, height), focal=(fx / step, fy / step), centre=(x / step, y / step)
+    )
+    return dataclasses.replace(shape, camera=camera, layers={}, **kept)
 
 
 def _materials(r: Results) -> str:

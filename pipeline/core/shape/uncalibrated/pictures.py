@@ -65,9 +65,12 @@ class Pictures:
     @cached_property
     def usual(self) -> Array:
         """Return each pixel's usual value (P,)."""
-        seen = np.where(self.lit > 0, self.gray, np.nan)
-        seen[np.isnan(seen).all(axis=1)] = 1.0
-        return np.asarray(np.nanquantile(seen, USUAL, axis=1))
+        seen = np.where(self.lit > 0, self.gray, np.inf)
+        seen[~(self.lit > 0).any(axis=1)] = 1.0
+        place = USUAL * (np.isfinite(seen).sum(axis=1, keepdims=True) - 1)
+        seen.sort(axis=1)  # quicker than numpy's quantile of rows with gaps
+        low, high = (np.take_along_axis(seen, end(place).astype(np.int64), axis=1) for end in (np.floor, np.ceil))
+        return np.asarray(low + (place - np.floor(place)) * (high - low))[:, 0]
 
 
 def pictures_of(camera: Camera, mask: NDArray[np.bool_], sight: Sight, unit: Array) -> Pictures:
