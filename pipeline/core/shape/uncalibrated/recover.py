@@ -35,11 +35,12 @@ from .solve import Problem, Solution, solve
 Array = NDArray[np.float64]
 
 FEWEST = 6  # photographs that tell lights and normals apart
-PIXELS = 1800  # about so many are solved together with the lights
+PIXELS, USUAL_COUNT = 1800, 12  # about so many are solved together with the lights of so many photographs
 FEW_PIXELS = 60
 BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
+GUESSED, SAID_EQUAL = 5.0, 0.1  # deviation [degrees] where guesses decide the relief; scatter of strengths that fix it
 UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
 
 
@@ -132,8 +133,12 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
 
 
 def _scales(camera: Camera, full: Pictures) -> list[Scale]:
-    """Return the pictures at blocks of half the side each, from about :data:`PIXELS` blocks to the pixels."""
-    side = max(round(float(np.sqrt(full.mask.sum() / PIXELS))), 1)
+    """Return the pictures at blocks of half the side each, from about :data:`PIXELS` blocks to the pixels.
+
+    Of more photographs each block tells more, and costs more.
+    """
+    wanted = PIXELS * min(1.0, float(np.sqrt(USUAL_COUNT / full.values.shape[1])))
+    side = max(round(float(np.sqrt(full.mask.sum() / wanted))), 1)
     found = []
     while side > 1:
         coarse = reduced(camera, full, side)
@@ -187,15 +192,21 @@ def _deviations(solution: Solution) -> Array:
     for lights in solution.doubtful:
         there = lights / np.linalg.norm(lights, axis=1, keepdims=True)
         squares += np.linalg.norm(np.cross(direction, there), axis=1) ** 2
+    if (best.gloss() < MATT or _nearly_flat(direction)) and best.scatter > SAID_EQUAL and not len(best.known.lights):
+        squares += np.radians(GUESSED) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2))
+
+
+def _nearly_flat(direction: Array) -> bool:
+    """Return whether lights lie nearly in one plane or one small cone."""
+    spread = np.linalg.svd(direction, compute_uv=False)
+    return bool(spread[2] < FLAT * spread[0])
 
 
 def _doubts(joint: Joint, deviation: Array) -> tuple[str, ...]:
     """Return in words what the photographs leave open."""
     doubts = []
-    direction = joint.lights / np.linalg.norm(joint.lights, axis=1, keepdims=True)
-    spread = np.linalg.svd(direction, compute_uv=False)
-    if spread[2] < FLAT * spread[0]:
+    if _nearly_flat(joint.lights / np.linalg.norm(joint.lights, axis=1, keepdims=True)):
         doubts.append(
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
