@@ -123,6 +123,9 @@ UNKNOWN_STRENGTHS = 0.03
 # rim a lobe falls steeply.
 UNKNOWN_PICTURE = 0.08
 
+# A camera's curve from four noisy 8-bit exposures, relative to the light: a broken line of 24 pieces.
+MEASURED_RESPONSE = 0.04
+
 # Closed forms against Cycles: float32 in Cycles, and a few pixels where a shadow or a silhouette begins.
 CLOSED_FORM_PIXEL = 1e-4  # relative, at 99 of 100 lit pixels
 CLOSED_FORM_LIGHT = 5e-4  # light that differs, of all light

@@ -12,9 +12,13 @@ import numpy as np
 
 from ..core import images
 from ..core.errors import LightsphereError
+from ..core.photographs.decode import decoded
 from ..core.photographs.develop import FULL_FRAME
 from ..core.photographs.files import RAW
+from ..core.photographs.measured import measured
 from ..core.photographs.photographs import FLOAT_BITS, Picture
+from ..core.photographs.response import BY_EXPOSURES
+from ..core.photographs.shots import exposures
 from .exr import openimageio
 
 RESOLUTION_UNITS = {2: 25.4, 3: 10.0}  # of EXIF's focal plane: inch and centimetre [mm]
@@ -33,6 +37,19 @@ def read(path: Path) -> Picture:
     if not path.is_file():
         raise LightsphereError(f"{path} is missing; put the photograph there")
     return _read_raw(path) if path.suffix.lower() in RAW else _read(path)
+
+
+def merged(folder: Path, response: str) -> Picture:
+    """Read exposures of one thing and merge them: linear floats, those that are saturated in all exposures NaN.
+
+    Raises
+    ------
+    LightsphereError
+        As :func:`read`, and for exposures of unknown or equal times.
+    """
+    shots = exposures(folder, read)
+    one = decoded(shots, measured([shots]) if response == BY_EXPOSURES else response)
+    return Picture(np.where(one.linear >= one.saturation, np.float32(np.nan), one.linear), FLOAT_BITS)
 
 
 def _read(path: Path) -> Picture:

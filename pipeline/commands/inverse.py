@@ -25,7 +25,10 @@ FINAL_SEEDS = (2_000_000, 2_000_001)
 @settings_options(InverseSettings)
 def inverse(
     scene: Annotated[str, typer.Argument(help="the .blend with geometry, camera and lights; or a built-in scene")],
-    photograph: Annotated[Path, typer.Argument(help="the picture of the real thing: EXR, PNG, TIFF, JPEG, RAW")],
+    photograph: Annotated[
+        Path,
+        typer.Argument(help="the picture of the real thing: EXR, PNG, TIFF, JPEG, RAW; or a folder of its exposures"),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the results")],
     settings: InverseSettings,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace earlier results")] = False,
@@ -47,17 +50,19 @@ def inverse(
     from ..blender.inverse.solve import Search
     from ..blender.inverse.source import Source
     from ..blender.inverse.uses import pictures
-    from ..blender.pictures import read
+    from ..blender.pictures import merged, read
 
     if (output / BLEND).exists() and not overwrite:
         raise LightsphereError(f"{output / BLEND} exists; choose another folder, or replace it with --overwrite")
     with Figures("inverse", json) as figures:
         figures.values["device"] = render_on(device)
-        picture = read(photograph)
+        several = photograph.is_dir()
+        picture = merged(photograph, settings.response) if several else read(photograph)
         loaded = scenes.load(scene)
         loaded.view_layers[0].update()
         size = (loaded.render.resolution_x, loaded.render.resolution_y)
-        seen = prepared(picture.pixels, picture.bits, settings.response, size, settings.resolution)
+        response = "linear" if several else settings.response
+        seen = prepared(picture.pixels, picture.bits, response, size, settings.resolution)
         every = groups.find(loaded, settings.groups)
         room = Room(loaded, every, seen)
         search = {"joint": Search, "source": Source}[settings.method](room, seen, settings)

@@ -85,6 +85,21 @@ def test_a_jpeg_tells_the_lens_unless_it_was_cropped(
     assert pictures.read(tmp_path / "a.jpg").focal == (focal and pytest.approx(focal, rel=2e-3))
 
 
+def test_a_folder_of_exposures_becomes_the_light_whatever_the_cameras_curve(tmp_path: Path) -> None:
+    """What is saturated in every exposure is not known; the rest comes back up to the scale of the shortest one."""
+    light = RNG.uniform(0, 1, (30, 40, 3)) ** 3 * 4
+    light[3, 5] = 400.0
+    for time in (1 / 100, 1 / 12, 1 / 4, 1.0):
+        stored = np.clip(light * time, 0, 1) ** 0.5
+        png(tmp_path / f"desk_exp_{time:.4f}.png", np.round(255 * stored).astype(np.uint8))
+    found = pictures.merged(tmp_path, "exposures").pixels * 100
+    assert np.isnan(found[3, 5]).all() and np.isfinite(found).mean() > 0.99
+    bright = light > 0.05
+    bright[3, 5] = False
+    assert np.abs(found[bright] / light[bright] - 1).mean() < 0.03
+    assert np.abs(pictures.merged(tmp_path, "linear").pixels[bright] * 100 / light[bright] - 1).mean() > 0.2
+
+
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 0.97])
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "a.exr"])
 def test_a_file_cut_off_is_named(tmp_path: Path, name: str, share: float, capfd: pytest.CaptureFixture[str]) -> None:

@@ -55,8 +55,8 @@ class InverseSettings:
     )
     response: str = setting(
         "auto",
-        "of the camera: linear, srgb, a gamma such as 2.2, or a file of two columns (value as stored, light); "
-        "auto takes srgb for 8 bits and linear for more",
+        "of the camera: linear, srgb, a gamma such as 2.2, a file of two columns (value as stored, light), or "
+        "exposures, which measures it from a folder of them; auto takes srgb for 8 bits and linear for more",
     )
     resolution: int = setting(160, "width of the picture that is compared", unit="px", low=16, high=1024)
     budget: float = setting(240.0, "time after which the best result so far is kept", unit="s", low=1.0, high=1e6)

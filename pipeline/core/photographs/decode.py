@@ -48,8 +48,8 @@ class Decoded:
     focal: float | None = None
 
 
-def decoded(shots: Sequence[Shot], response: str) -> Decoded:
-    """Read, decode and merge the exposures of one light.
+def decoded(shots: Sequence[Shot], response: str | Response) -> Decoded:
+    """Read, decode and merge the exposures of one light; a response by name is told by :func:`.response_of`.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def decoded(shots: Sequence[Shot], response: str) -> Decoded:
             raise LightsphereError(f"{shot.name} holds values that are not numbers; export it again")
     times = tuple(shot.seconds or picture.seconds for shot, picture in zip(shots, pictures, strict=True))
     bits = min(picture.bits for picture in pictures)
-    curve = response_of(response, bits)
+    curve = response_of(response, bits) if isinstance(response, str) else response
     known = [t for t in times if t is not None]
     linear = curve.decode(pictures[0].pixels) if len(pictures) == 1 else _merged(shots, pictures, known, curve)
     shortest = min(known, default=None)

@@ -18,7 +18,9 @@ from ..errors import LightsphereError
 from ..lights import Lights
 from ..progress import Progress, Work
 from .decode import Decoded, decoded, size
+from .measured import measured
 from .photographs import FLOAT_BITS, Photographs
+from .response import BY_EXPOSURES, Response
 from .settings import ImportSettings
 from .survey import Survey, light_warnings
 
@@ -110,10 +112,13 @@ def _write_pictures(
     photographs: Photographs, settings: ImportSettings, paths: list[Path], survey: Survey
 ) -> Work[list[Decoded]]:
     """Write one picture per light, show each to the survey, and return what is known of them, without their pixels."""
-    ambient = decoded((photographs.ambient,), settings.response) if photographs.ambient else None
+    response: str | Response = settings.response
+    if response == BY_EXPOSURES:
+        response = measured(photographs.shots)
+    ambient = decoded((photographs.ambient,), response) if photographs.ambient else None
     written = []
     for i, (path, shots) in enumerate(zip(paths, photographs.shots, strict=True)):
-        picture = decoded(shots, settings.response)
+        picture = decoded(shots, response)
         linear = picture.linear if ambient is None else _without(ambient, picture)
         if i and linear.shape[:2] != survey.shape:
             raise LightsphereError(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import LightsphereError
 from .tables import table
 
+BY_EXPOSURES = "exposures"  # see :mod:`.measured`
 GAMMA_RANGE = (0.2, 5.0)
 LINEAR_FROM_BITS = 9  # more than 8 bits are stored linear by custom, 8 bits by a curve
 
@@ -66,6 +67,8 @@ def response_of(text: str, bits: int) -> Response:
     """
     if text == "auto":
         text = "linear" if bits >= LINEAR_FROM_BITS else "srgb"
+    if text == BY_EXPOSURES:
+        raise LightsphereError("a response from exposures needs several of a thing; give a folder of them")
     if text == "linear":
         return Response("linear", lambda value: value)
     if text == "srgb":

@@ -23,8 +23,8 @@ class ImportSettings:
     pictures: str = setting("", "pattern of the photographs' names, as in 'IMG_*.jpg', where other pictures lie there")
     response: str = setting(
         "auto",
-        "linear, srgb, a gamma such as 2.2, or a file of two columns (value as stored, light); "
-        "auto takes srgb for 8 bits and linear for more",
+        "linear, srgb, a gamma such as 2.2, a file of two columns (value as stored, light), or exposures, which "
+        "measures it from several exposures; auto takes srgb for 8 bits and linear for more",
     )
     bracket: int = setting(1, "photographs of each light, one after the other at several exposures", low=1, high=100)
     focal: float = setting(

@@ -57,6 +57,11 @@ def groups(folder: Path, pattern: str, bracket: int, every: bool, read: Reader) 
     return [(name, _shots(folder, chunk, read)) for name, chunk in by_light.items()]
 
 
+def exposures(folder: Path, read: Reader) -> tuple[Shot, ...]:
+    """Return the photographs of a folder as exposures of one thing; raise LightsphereError where there are none."""
+    return _shots(folder, files.series(folder, ""), read)
+
+
 def named(found: Sequence[Group], names: Sequence[str], source: Path) -> list[Group]:
     """Return the groups that a list names, in the list's order; folders and types in the names do not count.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -11,8 +13,10 @@ import pytest
 from pipeline.core.errors import LightsphereError
 from pipeline.core.photographs.decode import decoded, saturation
 from pipeline.core.photographs.exposures import merge
+from pipeline.core.photographs.measured import measured
 from pipeline.core.photographs.photographs import Picture, Shot
 from pipeline.core.photographs.response import response_of
+from tests import tolerances
 
 TIMES = np.array([1 / 60, 1 / 15, 1 / 4, 1.0])
 
@@ -31,6 +35,48 @@ def test_curves_pass_through_known_points(name: str, stored: float, light: float
     curve = response_of(name, 8)
     assert float(curve.decode(np.array(stored))) == pytest.approx(light, rel=1e-6)
     assert curve.decode(np.array([0.0, 1.0])).tolist() == [0, 1]
+
+
+def camera(value: np.ndarray) -> np.ndarray:
+    """A camera's own curve: neither a power nor sRGB."""
+    return np.clip(value, 0, 1) ** 0.45 * (1 + 0.25 * np.clip(value, 0, 1)) / 1.25
+
+
+def shots(encode: Callable[[np.ndarray], np.ndarray], times: np.ndarray, bits: int = 8) -> tuple[Shot, ...]:
+    light = np.random.default_rng(4).uniform(0, 1, (40, 50, 3)) ** 3
+    noise = np.random.default_rng(5)
+
+    def taken(time: float) -> Picture:
+        stored = encode(light * time) + 0.004 * noise.standard_normal(light.shape)
+        return Picture((np.round(np.clip(stored, 0, 1) * 255) / 255).astype(np.float32), bits, time)
+
+    pictures = [taken(float(time)) for time in times]
+    return tuple(Shot(f"{i}.png", partial(lambda one: one, picture)) for i, picture in enumerate(pictures))
+
+
+@pytest.mark.parametrize("encode", [encoded, camera, lambda value: np.clip(value, 0, 1)])
+def test_exposures_tell_the_cameras_curve(encode: Callable[[np.ndarray], np.ndarray]) -> None:
+    curve = measured([shots(encode, TIMES * 3)])
+    light = np.linspace(0.02, 0.9, 40)
+    np.testing.assert_allclose(curve.decode(encode(light)), light, rtol=tolerances.MEASURED_RESPONSE)
+    assert curve.decode(np.array([0.0, 1.0])) == pytest.approx([0, 1])
+
+
+def test_wrong_times_give_another_curve() -> None:
+    wrong = [
+        dataclasses.replace(one, seconds=float(t)) for one, t in zip(shots(camera, TIMES * 3), TIMES**2, strict=True)
+    ]
+    light = np.linspace(0.1, 0.9, 20)
+    assert np.abs(measured([wrong]).decode(camera(light)) / light - 1).max() > 5 * tolerances.MEASURED_RESPONSE
+
+
+def test_a_response_without_exposures_is_told() -> None:
+    with pytest.raises(LightsphereError, match=r"needs several of 0\.png"):
+        measured([shots(camera, TIMES[:1])])
+    with pytest.raises(LightsphereError, match="too few values"):
+        measured([shots(camera, np.array([1e-6, 2e-6]))])
+    with pytest.raises(LightsphereError, match="needs several of a thing"):
+        response_of("exposures", 8)
 
 
 def test_more_than_eight_bits_are_linear_by_custom() -> None:
