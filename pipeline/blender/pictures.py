@@ -15,9 +15,7 @@ from ..core.errors import LightsphereError
 from ..core.photographs.decode import decoded
 from ..core.photographs.develop import FULL_FRAME
 from ..core.photographs.files import RAW
-from ..core.photographs.measured import measured
 from ..core.photographs.photographs import FLOAT_BITS, Picture
-from ..core.photographs.response import BY_EXPOSURES
 from ..core.photographs.shots import exposures
 from .exr import openimageio
 
@@ -47,8 +45,7 @@ def merged(folder: Path, response: str) -> Picture:
     LightsphereError
         As :func:`read`, and for exposures of unknown or equal times.
     """
-    shots = exposures(folder, read)
-    one = decoded(shots, measured([shots]) if response == BY_EXPOSURES else response)
+    one = decoded(exposures(folder, read), response)
     return Picture(np.where(one.linear >= one.saturation, np.float32(np.nan), one.linear), FLOAT_BITS)
 
 

@@ -78,8 +78,9 @@ def relight(
     goal = Goal(budget, target)
     with Figures("relight", json) as figures:
         capture, shape = opened(folder, true_depth)
-        together = asked_for(capture, point or [], distant or [], environment_map, scene)
-        listed = of_list(lights, capture) if lights is not None else []
+        centre = middle(capture, shape)
+        together = asked_for(centre, point or [], distant or [], environment_map, scene)
+        listed = of_list(lights, centre) if lights is not None else []
         moving = moving_light(shape.camera, shape.points()[np.isfinite(shape.depth)], FRAMES) if film else []
         if not (together or listed or moving):
             raise LightsphereError(
@@ -167,11 +168,21 @@ def opened(folder: Path, true_depth: bool) -> tuple[Capture, Shape]:
     return capture, Shape(capture.camera, truth.depth, truth.normal, np.isfinite(truth.depth).astype(np.float32))
 
 
+def middle(capture: Capture, shape: Shape) -> NDArray[np.float64]:
+    """Return what lights are about: the middle of the capture's, of distant ones that of the object."""
+    around = capture.lights.position if capture.lights.kind == "near" else shape.points()[np.isfinite(shape.depth)]
+    return np.asarray(around.mean(axis=0))
+
+
 def asked_for(
-    capture: Capture, points: Sequence[str], directions: Sequence[str], map_file: Path | None, scene: Path | None
+    centre: NDArray[np.float64],
+    points: Sequence[str],
+    directions: Sequence[str],
+    map_file: Path | None,
+    scene: Path | None,
 ) -> list[Emitter]:
     """Return the emitters of the options that shine together."""
-    found = [emitters.point(place, [strength or usual(capture, place)] * 3) for place, strength in map(four, points)]
+    found = [emitters.point(place, [strength or usual(centre, place)] * 3) for place, strength in map(four, points)]
     found += [emitters.distant(towards, [strength or np.pi] * 3) for towards, strength in map(four, directions)]
     if map_file is not None:
         found += environment.emitters_of(read_map(map_file))
@@ -183,9 +194,8 @@ def asked_for(
     return found
 
 
-def of_list(path: Path, capture: Capture) -> list[Emitter]:
-    """Return the emitters of a list of lights."""
-    centre = capture.lights.position.mean(axis=0)
+def of_list(path: Path, centre: NDArray[np.float64]) -> list[Emitter]:
+    """Return the emitters of a list of lights about a centre."""
     listed = light_file.read(path, centre)
     make = emitters.distant if listed.kind == "distant" else emitters.point
     return [make(place, strength) for place, strength in zip(listed.position, listed.intensity, strict=True)]
@@ -204,9 +214,9 @@ def four(words: str) -> tuple[list[float], float | None]:
     return numbers[:3], numbers[3] if len(numbers) == 4 else None
 
 
-def usual(capture: Capture, place: Sequence[float]) -> float:
-    """Return the intensity under which a white Lambertian surface in the lights' middle reflects a radiance of 1."""
-    return float(np.pi * ((np.array(place) - capture.lights.position.mean(axis=0)) ** 2).sum())
+def usual(centre: NDArray[np.float64], place: Sequence[float]) -> float:
+    """Return the intensity under which a white Lambertian surface at the centre reflects a radiance of 1."""
+    return float(np.pi * ((np.array(place) - centre) ** 2).sum())
 
 
 def read_map(path: Path) -> NDArray[np.float32]:

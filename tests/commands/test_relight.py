@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 from pipeline import cli
+from pipeline.commands.relight import middle
 from pipeline.core import images
 from pipeline.core.compare.pictures import relative_rmse
-from tests import synthetic
+from pipeline.core.lights import Lights
+from tests import oracles, synthetic
+from tests.drawn import draw, ggx
 
 
 @pytest.fixture(scope="module")
@@ -105,3 +108,13 @@ def test_wrong_input_is_one_line_and_status_two(
     error = capfd.readouterr().err
     assert message in error and error.count("\n") == 1
     assert not (folder / "out").exists()
+
+
+def test_lights_are_about_the_object_where_the_captures_are_at_infinity() -> None:
+    """Unit directions are no places: a light of no stated strength is as strong as the object's distance asks for."""
+    shape = synthetic.ball(synthetic.camera(16))
+    directions = oracles.unit(np.array([[0.3, 0.1, 1.0], [-0.2, 0.4, 1.0], [0.1, -0.5, 1.0]]))
+    far = draw(shape, Lights("distant", directions, np.ones((3, 3)), np.full(3, 2)), ggx)
+    close = draw(shape, Lights("near", 2 * directions, np.ones((3, 3)), np.full(3, 2)), ggx)
+    np.testing.assert_allclose(middle(far, shape), shape.points()[np.isfinite(shape.depth)].mean(axis=0))
+    np.testing.assert_allclose(middle(close, shape), 2 * directions.mean(axis=0))

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ..errors import LightsphereError
 from .exposures import merge
+from .measured import measured
 from .photographs import FLOAT_BITS, Picture, Shot
-from .response import Response, response_of
+from .response import BY_EXPOSURES, Response, response_of
 
 STEPS_TO_FULL = 1.5  # the last number below full scale counts as saturated, too: compression moves values by one
 
@@ -67,6 +68,8 @@ def decoded(shots: Sequence[Shot], response: str | Response) -> Decoded:
             raise LightsphereError(f"{shot.name} holds values that are not numbers; export it again")
     times = tuple(shot.seconds or picture.seconds for shot, picture in zip(shots, pictures, strict=True))
     bits = min(picture.bits for picture in pictures)
+    if response == BY_EXPOSURES:
+        response = measured([shots])
     curve = response_of(response, bits) if isinstance(response, str) else response
     known = [t for t in times if t is not None]
     linear = curve.decode(pictures[0].pixels) if len(pictures) == 1 else _merged(shots, pictures, known, curve)

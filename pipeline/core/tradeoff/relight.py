@@ -76,7 +76,7 @@ def held_out(capture: Capture) -> tuple[Capture, NDArray[np.int64]]:
         When the capture is not of lights on two surfaces.
     """
     if not (len(capture.lights.on("inner")) and len(capture.lights.on("outer"))):
-        raise LightsphereError(f"{capture.folder} has no lights on two surfaces, which relighting needs")
+        raise LightsphereError(f"{capture.folder} has no lights on two surfaces, which trials of relighting need")
     unseen = _telling(capture)
     return capture.select(np.setdiff1d(np.arange(len(capture)), unseen)), unseen
 

@@ -118,7 +118,6 @@ class Joint:
             self.coefficients, self.certainty, self.misfit,
         )  # fmt: skip
         self.trust[:] = 0.0
-        self.beside = (self.beside[0][:0], self.beside[1][:0])
         free = 3 * (self.certainty > 0).sum() - self.normals.shape[0] * (2 + self.weights.shape[1])
         self.belief = CORRELATED * float(self._pixel_costs().sum()) / max(free, 1)
         trust = self.belief / self.deviations**2 / (1.0 + (self._off() / OUTLYING) ** 2) ** 2
