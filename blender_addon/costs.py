@@ -16,6 +16,7 @@ from .stages import Stage
 WORDS = {
     "picture_rel_mae": "noise",
     "depth_expected_pct": "depth error",
+    "normal_expected_deg": "normal error",
     "material_rel_rms": "reflectance error",
     "relight_rel_rmse": "picture error",
 }
@@ -71,8 +72,8 @@ def last_time(scene: bpy.types.Scene, name: str) -> float | None:
 
 def told(preset: Mapping[str, Any]) -> str:
     """Say what a preset takes and gives."""
-    error = preset["error_pct"]
-    words = "" if error is None else f", {WORDS.get(preset['error'], 'error')} {error:.2g} %"
+    error, unit = preset["value"], preset["unit"].replace("degrees", "°")
+    words = "" if error is None else f", {WORDS.get(preset['error'], 'error')} {error:.2g} {unit}"
     return duration(preset["seconds"]) + words
 
 

@@ -123,13 +123,13 @@ class Shape(Stage):
     doing = "Recovering the shape"
     settings = ShapeSettings
     opens = "capture_folder"
-    varied = ("pictures",)
+    varied = ("pictures", "bases")
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         return lacks_capture(scene)
 
     def foretells(self, scene: bpy.types.Scene) -> bool:
-        return scene.lightsphere.shape.method == "double-sphere" and not scene.lightsphere.scan
+        return scene.lightsphere.shape.method != "uncalibrated" and not scene.lightsphere.scan
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         shown = scene.lightsphere
@@ -191,6 +191,7 @@ class Material(Stage):
     doing = "Fitting the material"
     settings = MaterialSettings
     opens = "reflectance_folder"
+    varied = ("lobes",)
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         return lacks_shape(scene)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,12 +16,17 @@ from ..core.errors import LightsphereError
 from ..core.inverse import InverseSettings
 from ..core.inverse.estimate import noiseless_rmse
 from ..core.inverse.photograph import prepared
+from ..core.tradeoff import Trial
+from ..core.tradeoff.goal import Goal, Promise
 from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar, settings_options
 
 BLEND, PAGE = "recovered.blend", "report.html"
+ERROR = "reflectance_expected_pct"
 FINAL_SAMPLES, STOPPED_SAMPLES = 64, 16
 FINAL_SEEDS = (2_000_000, 2_000_001)
+PILOT_SAMPLES, SPARE = 8, 1.5  # by which is told what follows a search, beside so many seconds
+LEAST_SEARCH = 0.1  # of the budget, however long what follows it takes
 
 
 @settings_options(InverseSettings)
@@ -43,17 +50,21 @@ def inverse(
     picture that it renders, and a page with what was tried, the errors and what they cost. Ctrl-C ends the search and
     writes what is known by then. The scene's file stays as it is. Materials that do more than reflect (glass, lamps)
     are kept, and so is what the picture tells nothing of.
+
+    The search ends when every reflectance is as sure as --target says, and early enough for all to be written within
+    --budget; the closing line says what was obtained of both.
     """
     from ..blender import scene as scenes
     from ..blender.inverse import groups
     from ..blender.inverse.room import Room
     from ..blender.inverse.solve import Search
     from ..blender.inverse.source import Source
-    from ..blender.inverse.uses import pictures
+    from ..blender.inverse.uses import SAMPLES, WAYS, pictures
     from ..blender.pictures import merged, read
 
     if (output / BLEND).exists() and not overwrite:
         raise LightsphereError(f"{output / BLEND} exists; choose another folder, or replace it with --overwrite")
+    goal = Goal(settings.budget, settings.target)
     with Figures("inverse", json) as figures:
         figures.values["device"] = render_on(device)
         several = photograph.is_dir()
@@ -65,7 +76,10 @@ def inverse(
         seen = prepared(picture.pixels, picture.bits, response, size, settings.resolution)
         every = groups.find(loaded, settings.groups)
         room = Room(loaded, every, seen)
-        search = {"joint": Search, "source": Source}[settings.method](room, seen, settings)
+        follows = SPARE + _sample_seconds(room) * (FINAL_SAMPLES + len(WAYS) * SAMPLES)
+        left = max(settings.budget - goal.spent - follows, LEAST_SEARCH * settings.budget)
+        asked = dataclasses.replace(settings, budget=left)
+        search = {"joint": Search, "source": Source}[settings.method](room, seen, asked)
         found, stopped = _searched(search)
         figures.values.update(_figures(room, found, every))
         samples = STOPPED_SAMPLES if stopped else FINAL_SAMPLES
@@ -87,8 +101,27 @@ def inverse(
         figures.summary = (
             f"{counted}; rerendered_rel_rmse {figures.values['rerendered_rel_rmse']:.3g}; look at {output / PAGE}"
         )
+        if search.deviations:  # the source's method knows none
+            figures.promise = _promise(settings, goal, search.uncertainty())
+            figures.obtained({ERROR: 100 * search.uncertainty()})
     if stopped:
         raise KeyboardInterrupt
+
+
+def _sample_seconds(room: Any) -> float:
+    """Return what a sample a pixel of the room's picture takes [s]."""
+    room.render(1, FINAL_SEEDS[0])  # builds what all renders share
+    start = time.perf_counter()
+    room.render(PILOT_SAMPLES, FINAL_SEEDS[0])
+    return (time.perf_counter() - start) / PILOT_SAMPLES
+
+
+def _promise(settings: InverseSettings, goal: Goal, uncertainty: float) -> Promise:
+    """Return time and uncertainty that were asked for as a promise."""
+    missed = uncertainty > settings.target / 100
+    lacks = "the search ended before all reflectances were as sure as asked for" if missed else ""
+    asked = {"budget": settings.budget, "target": settings.target}
+    return Promise(goal, Trial("", asked, settings.budget, {ERROR: settings.target}), settings.budget, lacks, ())
 
 
 def _searched(search: Any) -> tuple[Any, bool]:

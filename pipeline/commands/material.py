@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from ..core import images
+from ..core.brdf import Brdf
 from ..core.errors import LightsphereError
 from ..core.material import MaterialSettings
 from ..core.material.principled import Principled
@@ -19,15 +22,17 @@ from ..core.reflectance import Reflectance, ReflectanceSettings
 from ..core.reflectance.bivariate import Bivariate, open_reflectance
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
+from ..core.tradeoff.goal import Goal
 from .device import Device, render_on
 from .reflectance import capture_of
-from .stage import Figures, JsonFile, run_with_bar, settings_options
+from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
 OF_MIXTURE = (
     *("lobes", "material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_view"),
     *("error_by_lobes", "rendered_rel_rms", "rendered_table_rel_rms", "render_cost", "texels_lowered"),
 )
 OF_ONE_LOBE = ("material_rel_rms", "material_rel_rms_median", "roughness")
+Recovered = Reflectance | Bivariate | Brdf
 
 
 @settings_options(MaterialSettings)
@@ -41,6 +46,9 @@ def material(
     usd: Annotated[Path | None, typer.Option(help="export as USD with MaterialX", metavar="FILE")] = None,
     pbr: Annotated[Path | None, typer.Option(help="write plain PBR textures into a folder", metavar="DIR")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing file")] = False,
+    budget: Budget = None,
+    target: Target = None,
+    dry_run: DryRun = False,
     device: Device = "auto",
     json: JsonFile = None,
 ) -> None:
@@ -51,8 +59,12 @@ def material(
     what was recovered, against Cycles' own picture of it, and what each closure more costs to render; asset_bases.png
     shows each basis on balls and over angles. Exports for other programs are of the nearest Principled BSDF, whose
     error is stated beside.
+
+    --budget and --target choose how many closures there are, by the error of the fit.
     """
     from ..blender import exports
+
+    goal = Goal(budget, target)
 
     if output.suffix != ".blend":
         raise LightsphereError(f"{output} is no .blend file; name the asset like asset.blend")
@@ -62,22 +74,51 @@ def material(
             raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
         figures.values["device"] = render_on(device)
+        shape, folder, found = run_with_bar(opened(source))
+        if goal or dry_run:
+            from ..blender import material_goal
+
+            if isinstance(found, Reflectance):
+                raise LightsphereError(
+                    f"{source} holds a lobe per pixel, which is Cycles' own closure: there is nothing to choose; leave "
+                    "--budget, --target and --dry-run out"
+                )
+            promise = run_with_bar(material_goal.promised(partial(closures, found), goal))
+            if dry_run:
+                figures.foreseen(promise)
+                return
+            figures.promise = promise
+            settings = dataclasses.replace(settings, **promise.expected.settings)
         output.parent.mkdir(parents=True, exist_ok=True)
         wanted = settings.principled or any((gltf, usd, pbr))
-        figures.values.update(run_with_bar(made(source, output, settings, wanted, pbr)))
+        name = source.stem if shape is None else "Recovered"
+        figures.values.update(run_with_bar(made(shape, folder, found, name, output, settings, wanted, pbr)))
         if gltf or usd:
             exports.run(output, gltf, usd)
         figures.summary = f"{summary(figures.values)}; in {output}"
+        if goal:
+            figures.obtained({"material_rel_rms": float(np.mean(figures.values["material_rel_rms"]))})
 
 
 def made(
-    source: Path, output: Path, settings: MaterialSettings, principled: bool, pbr: Path | None
+    shape: Shape | None,
+    folder: Path,
+    recovered: Recovered,
+    name: str,
+    output: Path,
+    settings: MaterialSettings,
+    principled: bool,
+    pbr: Path | None,
 ) -> Work[dict[str, Any]]:
-    """Make the asset of a source, with a page beside it and PBR textures in a folder, and return the figures."""
+    """Make the asset of what was recovered, with a page beside it and PBR textures in a folder; return the figures.
+
+    The shape is that of a folder, or None for a BRDF file.
+    """
     from ..blender import asset, scanned_asset
     from ..core.material.principled import fit_principled
 
-    shape, folder, found = yield from opened(source, settings)
+    one_lobe = isinstance(recovered, Reflectance)
+    found = recovered if one_lobe else (yield from closures(recovered, settings.lobes))
     nearest = fit_principled(*bases_of(found)) if principled else None
     shown: tuple[str, bytes] | None = None
     if isinstance(found, Surface):
@@ -86,7 +127,6 @@ def made(
         mesh = (folder / scan).resolve()
         figures = scanned_asset.write(output, shape, mesh, found, settings, nearest, pbr, overwrite=True)
     else:
-        name = source.stem if shape is None else "Recovered"
         figures = asset.write(output, shape, found, name, settings, nearest, pbr, overwrite=True)
     if shown is not None:
         images.write_text(output.with_suffix(".html"), shown[0])
@@ -96,12 +136,19 @@ def made(
     return figures | (nearest.notes if nearest is not None else {})
 
 
-def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None, Path, Reflectance | Surface]]:
+def closures(recovered: Bivariate | Brdf, most: int) -> Work[Surface]:
+    """Return what was recovered as at most so many closures."""
+    if isinstance(recovered, Bivariate):
+        return surface(recovered, most)
+    return uniform([recovered], most)
+
+
+def opened(source: Path) -> Work[tuple[Shape | None, Path, Recovered]]:
     """Return the shape of a source and its folder, None for a BRDF file, and what its material is to show."""
     if source.is_file():
         from ..core.brdf.files import read_brdf
 
-        return None, source.parent, (yield from uniform([read_brdf(source)], settings.lobes))
+        return None, source.parent, read_brdf(source)
     folder, recovered = source, source / "reflectance"
     if (source / REFLECTANCE_FILE).is_file():
         recovered = source
@@ -109,16 +156,11 @@ def opened(source: Path, settings: MaterialSettings) -> Work[tuple[Shape | None,
     if not (folder / SHAPE_FILE).is_file():
         raise LightsphereError(f"{source} is no shape, reflectance or BRDF file; give what an earlier stage wrote")
     shape = Shape.open(folder)
-    found: Reflectance | Bivariate
     if (recovered / REFLECTANCE_FILE).is_file():
-        found = open_reflectance(recovered)
-    else:
-        from ..core.reflectance import tables
+        return shape, folder, open_reflectance(recovered)
+    from ..core.reflectance import tables
 
-        found = yield from tables.fit(shape, capture_of(folder, shape), ReflectanceSettings())
-    if isinstance(found, Bivariate):
-        return shape, folder, (yield from surface(found, settings.lobes))
-    return shape, folder, found
+    return shape, folder, (yield from tables.fit(shape, capture_of(folder, shape), ReflectanceSettings()))
 
 
 def bases_file(asset: Path) -> Path:

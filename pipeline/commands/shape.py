@@ -23,9 +23,8 @@ from ..core.shape.photometric import recover as photometric
 from ..core.shape.ply import write_ply
 from ..core.shape.settings import ShapeSettings
 from ..core.shape.uncalibrated import recover as uncalibrated
-from ..core.tradeoff.forecast import foretold
 from ..core.tradeoff.goal import Goal
-from ..core.tradeoff.shape import blind_errors, choices
+from ..core.tradeoff.shape import promised
 from ..core.tradeoff.thinning import thinned_to
 from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
@@ -53,8 +52,9 @@ def shape(
 ) -> None:
     """Recover depth and normals of every pixel, for any BRDF; by acls and uncalibrated its reflectance, too.
 
-    --budget and --target choose how many pictures double-sphere uses. The error that they promise is told without
-    truth: the median of the error that depths are expected to have, per cent of the object.
+    --budget and --target choose how many pictures are used, of acls also how many bases. The error that they promise is
+    told without truth: of double-sphere the median of the error that depths are expected to have, per cent of the
+    object; of acls and lambertian the median angle that normals are expected to be off, degrees.
     """
     goal = Goal(budget, target)
     if mesh and (goal or dry_run):
@@ -62,8 +62,7 @@ def shape(
     whole = Capture.open(capture)
     with Figures("shape", json) as figures:
         if goal or dry_run:
-            work = foretold(lambda part: choices(part, settings), whole, whole.mask(), goal)
-            promise = run_with_bar(work)
+            promise, judged = run_with_bar(promised(whole, settings, goal))
             if dry_run:
                 figures.foreseen(promise)
                 return
@@ -124,7 +123,7 @@ def shape(
             f", silhouette_overlap_pct {found.notes['silhouette_overlap_pct']:.3g}" if mesh else ""
         )
         if goal:
-            figures.obtained(blind_errors(found, whole))
+            figures.obtained(judged(found))
     for doubt in doubts:
         print(f"lightsphere: {capture}: {doubt}", file=sys.stderr)
     _warn_of_changes(opened)

@@ -25,7 +25,7 @@ from ..core import images
 from ..core.progress import Progress, Work, finish
 from ..core.settings import check, limits_of
 from ..core.tradeoff import Trial, as_row, dominated
-from ..core.tradeoff.goal import Promise, percent, told
+from ..core.tradeoff.goal import Promise, stated, told, unit
 from ..core.tradeoff.presets import presets
 
 Budget = Annotated[
@@ -39,7 +39,7 @@ Target = Annotated[
     float | None,
     typer.Option(
         help="instead of settings: the error that will do, with the quickest settings that are expected to reach it, "
-        "by trials on a part of the pixels [%]",
+        "by trials on a part of the pixels [%; of normals: degrees]",
         metavar="ERROR",
     ),
 ]
@@ -221,7 +221,7 @@ class Figures:
         """
         name = promise.expected.error
         beaten = dominated(promise.trials)
-        columns = {f"{name} [%]": percent, "recovered [%]": attrgetter("recovered_pct")}
+        columns = {f"{name} [{unit(name)}]": stated, "recovered [%]": attrgetter("recovered_pct")}
         print_trials(promise.trials, beaten, columns)
         rows = [as_row(trial, better) for trial, better in zip(promise.trials, beaten, strict=True)]
         named = presets(promise.trials, asked)

@@ -53,8 +53,8 @@ def _row(cache: Path, case: str) -> bool:
     figures = _run(cache, words, words[words.index("-o") + 1])
     kept = figures["promise"]
     first, then = kept["promised"], kept["obtained"]
-    ratios = [then[name] / first[name] if first[name] else 1.0 for name in ("seconds", "error_pct")]
-    told = [f"{part['error_pct']:.3g} % in {part['seconds']:.3g} s" for part in (first, then)]
+    ratios = [then[name] / first[name] if first[name] else 1.0 for name in ("seconds", "value")]
+    told = [f"{part['value']:.3g} % in {part['seconds']:.3g} s" for part in (first, then)]
     truth = f", true median {figures['depth_median_pct']:.2g} %" if "depth_median_pct" in figures else ""
     print(f"| `{case}` | {told[0]} | {told[1]}{truth} | x{ratios[0]:.2f} | x{ratios[1]:.2f} |", flush=True)
     return all(1 / FACTOR <= ratio <= FACTOR for ratio in ratios)

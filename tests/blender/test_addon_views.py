@@ -55,7 +55,7 @@ def test_presets_say_what_they_take_and_give_until_something_changes(captured: b
     found = costs.presets(stage, captured)
     assert list(found) == ["draft", "standard", "final"]
     assert 0 < found["draft"]["seconds"] <= found["final"]["seconds"]
-    assert found["final"]["error_pct"] <= found["draft"]["error_pct"]
+    assert found["final"]["value"] <= found["draft"]["value"]
     assert bpy.ops.lightsphere.preset(stage="shape", preset="draft") == {"FINISHED"}
     assert captured.lightsphere.shape.pictures == found["draft"]["settings"]["pictures"]
     assert costs.is_set(stage, captured, found["draft"])

@@ -297,8 +297,10 @@ class Search:
         best: tuple[float, State, Array] | None = None
         turns = [np.zeros(3 if wanted[place][1] in COLOURED else 1) for place in free]
         last = [np.zeros_like(one) for one in turns]
+        lasts = 0.0  # of a round, as a share of the budget
         for turn in range(rounds):
-            if self._spent() > end and turn >= least:
+            begun = self._spent()
+            if begun + lasts > end and turn >= least:
                 break
             residuals = evidence.residuals(samples)
             error, noise = evidence.error(residuals)
@@ -320,7 +322,8 @@ class Search:
             self._look(moving, untold)
             self._note(stage, residuals)
             yield self._step(stage)
-            if min(n.min() for n in turns) >= 2 and self._uncertainty() < self.settings.target / 100:
+            lasts = self._spent() - begun
+            if min(n.min() for n in turns) >= 2 and self.uncertainty() < self.settings.target / 100:
                 break
         if best is not None:  # the last step, too, is taken back where it leads away
             error, noise = evidence.error(evidence.residuals(samples))
@@ -341,7 +344,7 @@ class Search:
         samples = evidence.samples(PICTURE_SAMPLES)
         self.pictures[stage] = self.room.render(samples, evidence.next_seed(), denoised=True)
 
-    def _uncertainty(self) -> float:
+    def uncertainty(self) -> float:
         """Return the largest relative deviation of the reflectances."""
         parts = [spread for (_, kind), spread in self.deviations.items() if kind in COLOURED]
         return max((max(part) for part in parts), default=0.0)

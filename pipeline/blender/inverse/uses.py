@@ -50,15 +50,13 @@ def pictures(room: Room) -> Work[dict[str, NDArray[np.float64]]]:
     seen = list(_seen(scene))
     if not seen:
         return {}
-    ways: list[Callable[[bpy.types.Scene, list[Seen]], contextlib.AbstractContextManager[str]]]
-    ways = [_another_view, _another_light, _ball_put_in, _thing_taken_away]
     found = {}
-    for number, way in enumerate(ways):
+    for number, way in enumerate(WAYS):
         with way(scene, seen) as told:
             if told:
                 scene.view_layers[0].update()
                 found[told] = room.render(SAMPLES, SEED + number, denoised=True)
-        yield Progress("what it is good for", number + 1, len(ways), "pictures")
+        yield Progress("what it is good for", number + 1, len(WAYS), "pictures")
     return found
 
 
@@ -145,3 +143,7 @@ def _thing_taken_away(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]
     taken = max(things, key=lambda item: (counts[item], item.name))
     with changed(taken, {"hide_render": True}):
         yield f"{taken.name} taken away."
+
+
+Way = Callable[[bpy.types.Scene, list[Seen]], contextlib.AbstractContextManager[str]]
+WAYS: tuple[Way, ...] = (_another_view, _another_light, _ball_put_in, _thing_taken_away)

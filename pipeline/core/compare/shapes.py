@@ -49,13 +49,17 @@ def depth_error_pct(shape: Shape, truth: Truth) -> NDArray[np.float64]:
 
 
 def normal_error_deg(shape: Shape, truth: Truth) -> NDArray[np.float64]:
-    """Return the angle between recovered and true normal of every pixel, (H, W) [degrees]; NaN where either is unknown.
+    """Return the angle between recovered and true normals (H, W) [degrees]; NaN where either is unknown."""
+    return angles_deg(shape.normal.astype(np.float64), truth.normal.astype(np.float64))
 
-    The angle is taken as ``atan2(|a x b|, a . b)``, which keeps its digits near zero where ``arccos`` loses them.
+
+def angles_deg(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles between vectors (..., 3) [degrees].
+
+    As ``atan2(|a x b|, a . b)``, which keeps its digits near zero where ``arccos`` loses them.
     """
-    a, b = shape.normal.astype(np.float64), truth.normal.astype(np.float64)
     sine = np.linalg.norm(np.cross(a, b), axis=-1)
-    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("hwi,hwi->hw", a, b))))
+    return np.asarray(np.degrees(np.arctan2(sine, (a * b).sum(axis=-1))))
 
 
 def shape_errors(shape: Shape, truth: Truth, mask: NDArray[np.bool_]) -> dict[str, float]:
@@ -108,5 +112,4 @@ def _percentile(values: NDArray[np.float64], percent: float) -> float:
 
 def light_errors_deg(found: Lights, true: Lights) -> NDArray[np.float64]:
     """Return the angle between recovered and true direction of every distant light, (L,) [degrees]."""
-    sine = np.linalg.norm(np.cross(found.position, true.position), axis=1)
-    return np.degrees(np.arctan2(sine, (found.position * true.position).sum(axis=1)))
+    return angles_deg(found.position, true.position)

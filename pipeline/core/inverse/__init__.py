@@ -59,7 +59,9 @@ class InverseSettings:
         "exposures, which measures it from a folder of them; auto takes srgb for 8 bits and linear for more",
     )
     resolution: int = setting(160, "width of the picture that is compared", unit="px", low=16, high=1024)
-    budget: float = setting(240.0, "time after which the best result so far is kept", unit="s", low=1.0, high=1e6)
+    budget: float = setting(
+        240.0, "time that the whole may take: the best result so far is kept then", unit="s", low=1.0, high=1e6
+    )
     target: float = setting(0.5, "uncertainty of reflectances at which the search ends", unit="%", low=0.01, high=50.0)
     levels: str = setting("all", "richest level that may be chosen", choices=("all", *LEVELS[:-1]))
     method: str = setting(

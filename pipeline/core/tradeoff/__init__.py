@@ -23,8 +23,10 @@ WORDS = {
     "depth_median_pct": "median depth error, % of the object",
     "depth_expected_pct": "expected depth error, median, % of the object",
     "normal_mae_deg": "mean angle between normals, degrees",
+    "normal_expected_deg": "expected error of normals, median, degrees",
     "material_rel_rms": "relative error of the reflectance",
     "picture_rel_mae": "mean error of the pictures over their light",
+    "reflectance_expected_pct": "expected error of reflectances, the largest, %",
     "relight_rel_rmse": "relative error of the pictures",
     "rerendered_rel_rmse": "relative error of the picture",
 }

@@ -13,7 +13,7 @@ from ..errors import LightsphereError
 from ..progress import Progress, Work, finish
 from . import Trial, Variant
 from .excerpt import SINGLE, Excerpt, Size, excerpt
-from .goal import COMPLETE, Goal, Promise, choose, percent
+from .goal import COMPLETE, Goal, Promise, choose, stated
 
 TRIALS_SHARE = 0.3  # of the budget, after which no more settings are tried
 USEFUL = 0.5  # of the pixels: trials go on, however late, until some settings recover as many
@@ -26,21 +26,39 @@ def foretold(
     goal: Goal,
     size: Size = SINGLE,
 ) -> Work[Promise]:
-    """Try a stage's settings on two excerpts of some pixels (H, W), the lightest first; choose for the goal.
+    """Try a stage's settings on two excerpts of some pixels (H, W), and choose for the goal; see :func:`tried`."""
+    large, opening = yield from excerpt(capture, pixels, size)
+    return (yield from tried(variants, large, opening, int(pixels.sum()), goal))
+
+
+def tried(
+    variants: Callable[[Capture], Sequence[Variant]], large: Excerpt, opening: float, total: int, goal: Goal
+) -> Work[Promise]:
+    """Try a stage's settings on an excerpt and on a part of it, the lightest first; choose for the goal.
 
     Time is taken to be linear in pixels, by the two excerpts, and in the pictures that are opened; the error is that of
-    the larger excerpt. Judging counts: the stage does it, too, to state what it obtained. Trials end when settings
+    the whole excerpt. Judging counts: the stage does it, too, to state what it obtained. Trials end when settings
     reach the target, when they would take longer than what is left of the budget, or when the next trial would be
     beyond :data:`TRIALS_SHARE` of it. Not modelled: work that grows faster than linearly, memory that spills to disk,
     and writing the result.
+
+    Parameters
+    ----------
+    variants : callable
+        Gives the settings that are tried on a capture.
+    large : Excerpt
+    opening : float
+        Seconds that a picture of the whole takes to open.
+    total : int
+        Pixels that the stage is to solve.
+    goal : Goal
 
     Raises
     ------
     LightsphereError
         Of the last settings, where none work.
     """
-    large, opening = yield from excerpt(capture, pixels, size)
-    small, total = large.smaller(), int(pixels.sum())
+    small = large.smaller()
     pairs = list(zip(variants(small), variants(large), strict=True))
     pairs.sort(key=lambda pair: pair[1].weight)
     found: list[Trial] = []
@@ -89,6 +107,6 @@ def _timed(variant: Variant, part: Excerpt) -> tuple[float, dict[str, float], in
 
 def _is_settled(trial: Trial, goal: Goal) -> bool:
     """Tell whether heavier settings need not be tried any more."""
-    if goal.target is not None and trial.recovered_pct >= 100 * COMPLETE and percent(trial) <= goal.target:
+    if goal.target is not None and trial.recovered_pct >= 100 * COMPLETE and stated(trial) <= goal.target:
         return True
     return goal.budget is not None and trial.recovered_pct >= 100 * USEFUL and goal.spent + trial.seconds > goal.budget

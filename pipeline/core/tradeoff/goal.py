@@ -24,7 +24,7 @@ class Goal:
     budget : float, optional
         Time that the whole command may take [s]; the settings are those of the least error within it.
     target : float, optional
-        Error that will do [%]; the settings are the quickest that reach it.
+        Error that will do, in its :func:`unit`; the settings are the quickest that reach it.
     start : float
         When the command began, by ``time.perf_counter``.
     """
@@ -74,11 +74,11 @@ class Promise:
     def kept(self, errors: dict[str, float]) -> dict[str, Any]:
         """Return what was promised and what was obtained by now, as figures; ``errors`` as in :class:`Trial`."""
         name = self.expected.error
-        promised = {"seconds": self.seconds, "error_pct": percent(self.expected)}
+        promised = {"seconds": self.seconds, "value": stated(self.expected)}
         got = Trial(self.expected.label, self.expected.settings, self.goal.spent, errors)
-        obtained = {"seconds": got.seconds, "error_pct": percent(got)}
+        obtained = {"seconds": got.seconds, "value": stated(got)}
         asked = {"budget": self.goal.budget, "target": self.goal.target}
-        chosen = {"settings": self.expected.settings, "error": name, "lacks": self.lacks}
+        chosen = {"settings": self.expected.settings, "error": name, "unit": unit(name), "lacks": self.lacks}
         return {**asked, **chosen, "promised": promised, "obtained": obtained}
 
 
@@ -87,8 +87,8 @@ def told(kept: dict[str, Any]) -> str:
     settings = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kept["settings"].items())
     first, then = kept["promised"], kept["obtained"]
     words = (
-        f"chose {settings}; {kept['error']} promised {first['error_pct']:.3g} % in {first['seconds']:.3g} s, "
-        f"obtained {then['error_pct']:.3g} % in {then['seconds']:.3g} s"
+        f"chose {settings}; {kept['error']} promised {first['value']:.3g} {kept['unit']} in {first['seconds']:.3g} s, "
+        f"obtained {then['value']:.3g} {kept['unit']} in {then['seconds']:.3g} s"
     )
     return words + (f"; {kept['lacks']}" if kept["lacks"] else "")
 
@@ -106,14 +106,15 @@ def choose(trials: Sequence[Trial], goal: Goal) -> Promise:
     quickest = min(serving, key=lambda trial: trial.seconds)
     spent, lacks = goal.spent, ""
     timely = [trial for trial in serving if goal.budget is None or spent + trial.seconds <= goal.budget]
-    good = [trial for trial in timely if goal.target is not None and percent(trial) <= goal.target]
+    good = [trial for trial in timely if goal.target is not None and stated(trial) <= goal.target]
     if good:
         chosen = min(good, key=lambda trial: trial.seconds)
     elif timely:
-        chosen = min(timely, key=percent)
+        chosen = min(timely, key=stated)
         if goal.target is not None:
             within = "" if goal.budget is None else f" within {goal.budget:g} s"
-            lacks = f"no settings are expected to reach {goal.target:g} %{within}: these are the best"
+            aim = f"{goal.target:g} {unit(chosen.error)}"
+            lacks = f"no settings are expected to reach {aim}{within}: these are the best"
     else:
         chosen = quickest
         lacks = f"no settings are expected to end within {goal.budget:g} s: these are the quickest"
@@ -126,9 +127,14 @@ def complete(trials: Sequence[Trial]) -> list[Trial]:
     return [trial for trial in trials if trial.recovered_pct >= COMPLETE * most]
 
 
-def percent(trial: Trial) -> float:
-    """Return the error of a trial in per cent, infinite where nothing was recovered."""
+def unit(error: str) -> str:
+    """Return the unit in which an error is stated, by its name."""
+    return "degrees" if error.endswith("_deg") else "%"
+
+
+def stated(trial: Trial) -> float:
+    """Return the error of a trial in its unit, infinite where nothing was recovered."""
     value = trial.errors[trial.error]
     if np.isnan(value):
         return float(np.inf)
-    return value if trial.error.endswith("_pct") else 100 * value
+    return value if trial.error.endswith(("_pct", "_deg")) else 100 * value

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from . import Trial
-from .goal import complete, percent
+from .goal import complete, stated, unit
 
 #: How many times the error aimed at a preset may have.
 FACTORS = {"draft": 3.0, "standard": 1.5, "final": 1.0}
@@ -22,13 +22,13 @@ def presets(trials: Sequence[Trial], asked: float | None = None) -> dict[str, di
     trials : sequence of Trial
         What the stage is expected to cost and give; not empty.
     asked : float, optional
-        The error that Standard is to have [%], where the stage's settings ask for one. Else the least that is expected
-        of any settings is aimed at, which is that of Final.
+        The error that Standard is to have, where the stage's settings ask for one. Else the least that is
+        expected of any settings is aimed at, which is that of Final.
 
     Returns
     -------
     dict of str to dict
-        For draft, standard and final: ``label``, ``settings``, ``seconds``, ``error`` (its name) and ``error_pct``.
+        Draft, standard and final: ``label``, ``settings``, ``seconds``, ``error``, its name, ``value`` and ``unit``.
 
     Examples
     --------
@@ -37,16 +37,17 @@ def presets(trials: Sequence[Trial], asked: float | None = None) -> dict[str, di
     {'draft': '4', 'standard': '8', 'final': '12'}
     """
     serving = complete(trials)
-    aim = min(map(percent, serving)) if asked is None else asked / FACTORS["standard"]
+    aim = min(map(stated, serving)) if asked is None else asked / FACTORS["standard"]
     found = {}
     for name, factor in FACTORS.items():
-        good = [trial for trial in serving if percent(trial) <= factor * aim]
-        chosen = min(good, key=lambda trial: trial.seconds) if good else min(serving, key=percent)
+        good = [trial for trial in serving if stated(trial) <= factor * aim]
+        chosen = min(good, key=lambda trial: trial.seconds) if good else min(serving, key=stated)
         found[name] = {
             "label": chosen.label,
             "settings": chosen.settings,
             "seconds": chosen.seconds,
             "error": chosen.error,
-            "error_pct": percent(chosen),
+            "value": stated(chosen),
+            "unit": unit(chosen.error),
         }
     return found

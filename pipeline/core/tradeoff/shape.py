@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,17 @@ from ..shape.photometric.recover import recover as by_photometric_stereo
 from ..shape.settings import ShapeSettings
 from ..shape.uncalibrated.recover import recover as by_unknown_lights
 from . import Variant
-from .excerpt import SINGLE, blocks
+from .excerpt import SINGLE, blocks, excerpt
+from .forecast import foretold, tried
+from .goal import Goal, Promise
+from .normals import reference
 from .thinning import FRACTIONS, SOURCE_FRACTIONS, evenly, fewer, thinned, thinned_to
 
 PHOTOGRAPHS = (6, 8, 12, 24)
 BASES = (1, 2, 3)
 JUDGED, JUDGED_BASES = 1200, 2  # pixels under distant lights by whose reflectance normals are judged, and its bases
 PHASES = {"read": 0.1, "shape": 0.9}
+Judge = Callable[[Shape], dict[str, float]]
 
 
 def variants(capture: Capture) -> list[Variant]:
@@ -36,27 +41,41 @@ def variants(capture: Capture) -> list[Variant]:
         return double_sphere(capture, FRACTIONS, settings) + double_sphere(capture, SOURCE_FRACTIONS, source)
     if capture.lights.kind == "unknown":
         return _unknown(capture)
+    judge = partial(_judged, capture=capture)
     return [
         variant
         for method in ("lambertian", "acls")
-        for variant in photometric(capture, dataclasses.replace(settings, method=method))
+        for variant in photometric(capture, dataclasses.replace(settings, method=method), judge)
     ]
 
 
-def choices(capture: Capture, settings: ShapeSettings) -> list[Variant]:
-    """Return the settings among which a goal chooses: how many pictures are used, the rest as it is set.
+def promised(capture: Capture, settings: ShapeSettings, goal: Goal) -> Work[tuple[Promise, Judge]]:
+    """Choose how many pictures are used, and how many bases, for a goal; the rest stays as it is set.
+
+    Returns
+    -------
+    Promise
+    callable
+        Gives the errors of the shape that the chosen settings recover as they were promised, without truth.
 
     Raises
     ------
     LightsphereError
-        For methods other than double-sphere, whose time a part of the pixels does not tell.
+        For the method uncalibrated, whose cost and error a part of the pixels does not tell.
     """
-    if settings.method != "double-sphere":
+    mask = capture.mask()
+    if settings.method == "uncalibrated":
         raise LightsphereError(
-            f"--budget, --target and --dry-run do not serve the method {settings.method}; --pictures 24 makes it "
-            "quicker, and lightsphere tradeoff shows what that costs"
+            "--budget, --target and --dry-run do not serve the method uncalibrated, which sees the object as a whole; "
+            "--pictures 8 makes it quicker, and lightsphere tradeoff shows what that costs"
         )
-    return double_sphere(capture, FRACTIONS, settings)
+    if settings.method == "double-sphere":
+        work = foretold(lambda part: double_sphere(part, FRACTIONS, settings), capture, mask, goal)
+        return (yield from work), lambda shape: blind_errors(shape, capture)
+    large, opening = yield from excerpt(capture, mask, SINGLE)
+    best = yield from reference(large)
+    choices = partial(photometric, settings=settings, judge=best.errors)
+    return (yield from tried(choices, large, opening, int(mask.sum()), goal)), best.errors
 
 
 def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeSettings) -> list[Variant]:
@@ -76,28 +95,27 @@ def double_sphere(capture: Capture, fractions: Sequence[float], settings: ShapeS
     return found
 
 
-def photometric(capture: Capture, settings: ShapeSettings) -> list[Variant]:
+def photometric(capture: Capture, settings: ShapeSettings, judge: Judge) -> list[Variant]:
     """Return solves by photometric stereo with fewer lights, and, with all of them, with fewer bases."""
     found = []
     for count in sorted({fewer(fraction, len(capture)) for fraction in FRACTIONS}):
         part = thinned_to(capture, count)
         if settings.method == "lambertian":
-            found.append(_photometric(capture, part, settings, f"{count} lambertian", {}, count))
+            found.append(_photometric(part, settings, f"{count} lambertian", {}, count, judge))
             continue
         for bases in BASES if count == len(capture) else BASES[-1:]:
             label, weight = f"{count} acls {bases}", 20.0 * count * bases
-            found.append(_photometric(capture, part, settings, label, {"bases": bases}, weight))
+            found.append(_photometric(part, settings, label, {"bases": bases}, weight, judge))
     return found
 
 
 def _photometric(
-    capture: Capture, part: Capture, settings: ShapeSettings, label: str, own: dict[str, Any], weight: float
+    part: Capture, settings: ShapeSettings, label: str, own: dict[str, Any], weight: float, judge: Judge
 ) -> Variant:
     def solve() -> Work[Shape]:
         return (yield from by_photometric_stereo(part, dataclasses.replace(settings, **own))).shape
 
-    described = {"pictures": len(part), "method": settings.method, **own}
-    return Variant(label, described, weight, solve, lambda shape: _judged(shape, capture))
+    return Variant(label, {"pictures": len(part), "method": settings.method, **own}, weight, solve, judge)
 
 
 def _unknown(capture: Capture) -> list[Variant]:

@@ -9,19 +9,25 @@ from functools import partial
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.core.capture import Capture
+from pipeline.core.compare.shapes import angles_deg
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import Progress, Work, finish
 from pipeline.core.reflectance import ReflectanceSettings
 from pipeline.core.reflectance.fit import fit
+from pipeline.core.rig import sphere
+from pipeline.core.shape.photometric.recover import recover as photometric_stereo
 from pipeline.core.shape.settings import ShapeSettings
 from pipeline.core.tradeoff import Variant, reflectance
 from pipeline.core.tradeoff.excerpt import AROUND, SINGLE, Size, blocks, excerpt
 from pipeline.core.tradeoff.forecast import foretold, linear
-from pipeline.core.tradeoff.goal import Goal, percent
-from pipeline.core.tradeoff.shape import blind_errors, choices
+from pipeline.core.tradeoff.goal import Goal, stated
+from pipeline.core.tradeoff.normals import reference
+from pipeline.core.tradeoff.shape import blind_errors
+from pipeline.core.tradeoff.shape import promised as shape_promised
 from tests import oracles, synthetic
 from tests.drawn import Drawn, draw, ggx, lambert, solved, two_spheres
 
@@ -122,11 +128,12 @@ def test_settings_that_do_not_work_are_passed_over(capture: Drawn) -> None:
 def test_shape_gives_about_the_error_that_was_promised(noisy: Drawn) -> None:
     """Of pixels that were not tried, and without truth."""
     settings = ShapeSettings()
-    found = finish(foretold(lambda part: choices(part, settings), noisy, noisy.mask(), Goal(None, 1e-9)))
+    found, judged = finish(shape_promised(noisy, settings, Goal(None, 1e-9)))
     assert found.expected.settings["pictures"] == 100
     assert "no settings are expected to reach" in found.lacks
-    obtained = blind_errors(solved(noisy), noisy)["depth_expected_pct"]
-    assert 1 / 1.5 < percent(found.expected) / obtained < 1.5
+    obtained = judged(solved(noisy))["depth_expected_pct"]
+    assert obtained == blind_errors(solved(noisy), noisy)["depth_expected_pct"]
+    assert 1 / 1.5 < stated(found.expected) / obtained < 1.5
 
 
 def test_reflectance_gives_about_the_error_that_was_promised(noisy: Drawn) -> None:
@@ -139,13 +146,51 @@ def test_reflectance_gives_about_the_error_that_was_promised(noisy: Drawn) -> No
     assert found.expected.settings == {"model": "ggx", "clusters": 1}
     whole = finish(fit(BALL, noisy, ReflectanceSettings(model="ggx", clusters=1)))
     assert whole.notes["material_rel_rms"] > 0.01
-    assert 1 / 1.5 < percent(found.expected) / (100 * whole.notes["material_rel_rms"]) < 1.5
+    assert 1 / 1.5 < stated(found.expected) / (100 * whole.notes["material_rel_rms"]) < 1.5
 
 
-@pytest.mark.parametrize("method", ["acls", "lambertian", "uncalibrated"])
-def test_methods_whose_time_a_part_does_not_tell_are_refused(capture: Drawn, method: str) -> None:
-    with pytest.raises(LightsphereError, match=f"do not serve the method {method}"):
-        choices(capture, ShapeSettings(method=method))
+@pytest.fixture(scope="module")
+def distant() -> Drawn:
+    """A glossy ball under distant lights, with noise."""
+    towards = sphere(60)
+    towards = towards[towards[:, 1] < -0.2]
+    lights = Lights("distant", towards, np.ones((len(towards), 3)), np.zeros(len(towards), int))
+    drawn = draw(BALL, lights, ggx)
+    assert drawn.pictures is not None
+    noise = np.random.default_rng(2).normal(1.0, 0.01, drawn.pictures.shape)
+    return dataclasses.replace(drawn, pictures=drawn.pictures * noise.astype(np.float32))
+
+
+@pytest.mark.parametrize("method", ["acls", "lambertian"])
+def test_normals_are_about_as_far_off_as_was_promised(distant: Drawn, method: str) -> None:
+    """By angles to the richest settings, which know nothing of the truth; a Lambertian fit of a glossy ball is off."""
+    settings = ShapeSettings(method=method)
+    found, judged = finish(shape_promised(distant, settings, Goal(None, 1e-9)))
+    assert found.expected.error == "normal_expected_deg"
+    assert found.expected.settings["pictures"] == len(distant)
+    chosen = {name: found.expected.settings[name] for name in ("pictures", "bases") if name in found.expected.settings}
+    whole = finish(photometric_stereo(distant, dataclasses.replace(settings, **chosen))).shape
+    obtained = judged(whole)["normal_expected_deg"]
+    assert 1 / 1.5 < stated(found.expected) / obtained < 1.5
+    mask = whole.confidence > 0
+    true = float(np.median(angles_deg(whole.normal[mask].astype(np.float64), BALL.normal[mask].astype(np.float64))))
+    assert 1 / 3 < obtained / true < 3
+    assert (true > 1) == (method == "lambertian")
+
+
+def test_a_tilt_of_all_normals_is_expected_where_it_is(distant: Drawn) -> None:
+    large, _ = finish(excerpt(distant, distant.mask(), SINGLE))
+    best = finish(reference(large))
+    turned = Rotation.from_rotvec([0.0, 0.0, np.radians(20)]).as_matrix()
+    tilted = dataclasses.replace(BALL, normal=(BALL.normal.astype(np.float64) @ turned.T).astype(np.float32))
+    straight, off = (best.errors(one)["normal_expected_deg"] for one in (BALL, tilted))
+    assert straight < 1
+    assert 10 < off < 20  # less near the axis
+
+
+def test_unknown_lights_are_refused(capture: Drawn) -> None:
+    with pytest.raises(LightsphereError, match="do not serve the method uncalibrated"):
+        finish(shape_promised(capture, ShapeSettings(method="uncalibrated"), Goal(None, 1.0)))
 
 
 @pytest.mark.slow

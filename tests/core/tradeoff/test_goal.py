@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.errors import LightsphereError
 from pipeline.core.tradeoff import Trial
-from pipeline.core.tradeoff.goal import Goal, Promise, choose, percent, told
+from pipeline.core.tradeoff.goal import Goal, Promise, choose, stated, told
 
 
 def trial(label: str, seconds: float, error: float, recovered: float = 100.0) -> Trial:
@@ -78,20 +78,20 @@ def test_settings_that_leave_pixels_out_do_not_serve() -> None:
 
 def test_nothing_recovered_is_the_worst_error() -> None:
     blank = trial("blank", 0.1, float("nan"))
-    assert percent(blank) == np.inf
+    assert stated(blank) == np.inf
     assert chosen(200, None, (*ALL, blank)).expected.label == "fine"
 
 
 def test_errors_are_told_in_per_cent() -> None:
-    assert percent(trial("", 1, 0.05)) == pytest.approx(5.0)
-    assert percent(Trial("", {}, 1, {"depth_expected_pct": 0.05})) == pytest.approx(0.05)
+    assert stated(trial("", 1, 0.05)) == pytest.approx(5.0)
+    assert stated(Trial("", {}, 1, {"depth_expected_pct": 0.05})) == pytest.approx(0.05)
 
 
 def test_what_was_promised_and_obtained_is_said() -> None:
     goal = Goal(None, 1.0, start=time.perf_counter() - 12)
     kept = choose(ALL, goal).kept({"material_rel_rms": 0.07})
-    assert kept["promised"] == {"seconds": pytest.approx(112, abs=1), "error_pct": pytest.approx(5)}
-    assert kept["obtained"] == {"seconds": pytest.approx(12, abs=1), "error_pct": pytest.approx(7)}
+    assert kept["promised"] == {"seconds": pytest.approx(112, abs=1), "value": pytest.approx(5)}
+    assert kept["obtained"] == {"seconds": pytest.approx(12, abs=1), "value": pytest.approx(7)}
     assert (kept["budget"], kept["target"], kept["error"]) == (None, 1.0, "material_rel_rms")
     assert "chose bases 4; material_rel_rms promised 5 % in 112 s, obtained 7 % in 12 s; no settings" in told(kept)
 

@@ -21,7 +21,7 @@ def test_each_is_the_quickest_within_its_factor_of_the_least_error() -> None:
     trials = [trial(1, 9.0), trial(2, 2.9), trial(4, 1.4), trial(8, 1.0), trial(16, 1.2)]
     assert labels(trials) == ["2", "4", "8"]
     for name, one in presets(trials).items():
-        assert one["error_pct"] <= FACTORS[name] * 1.0
+        assert one["value"] <= FACTORS[name] * 1.0
         assert not [t for t in trials if t.seconds < one["seconds"] and t.errors["depth_median_pct"] <= FACTORS[name]]
 
 
