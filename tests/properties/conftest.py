@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from hypothesis import settings
 
-FEW, MANY = 60, 10_000
+FEW, MANY = 60, 1000
 
 settings.register_profile("few", max_examples=FEW, derandomize=True, deadline=None, database=None)
-settings.register_profile("thorough", max_examples=MANY, deadline=None, database=None)
+settings.register_profile("thorough", max_examples=MANY, derandomize=True, deadline=None, database=None)
 settings.load_profile("few")

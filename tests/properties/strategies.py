@@ -27,6 +27,11 @@ def vectors(least: float = -1e3, most: float = 1e3) -> st.SearchStrategy[NDArray
     return arrays.arrays(np.float64, 3, elements=st.floats(least, most))
 
 
+def rounded(least: float, most: float) -> st.SearchStrategy[float]:
+    """A number whose square does not vanish unless it is 0."""
+    return st.floats(least, most).map(lambda value: round(value, 9))
+
+
 @st.composite
 def rotations(draw: st.DrawFn) -> NDArray[np.float64]:
     """A rotation (3, 3)."""

@@ -88,7 +88,11 @@ def srgb(value: NDArray[Any]) -> NDArray[Any]:
 
 
 def _from_file(path: Path) -> Response:
-    if not path.is_file():
+    try:
+        is_there = path.is_file()
+    except OSError:  # no name of a file, being too long
+        is_there = False
+    if not is_there:
         raise LightsphereError(f"the response {path} is no file; give linear, srgb, a gamma such as 2.2, or a file")
     points = table(path, 2)
     if len(points) < 2 or not (np.diff(points, axis=0) > 0).all() or (points[0] < 0).any():
