@@ -65,12 +65,12 @@ def two_spheres(inner: int = 80, outer: int = 20) -> Lights:
     return Lights("near", position, np.full((inner + outer, 3), 12.0), np.repeat([0, 1], [inner, outer]))
 
 
-def draw(shape: Shape, lights: Lights, reflect: Reflect) -> Drawn:
+def draw(shape: Shape, lights: Lights, reflect: Reflect, digits: type = np.float32) -> Drawn:
     """Draw a convex surface under each light, black where it faces away: f cos I / d^2, or f cos E."""
     points, known = np.nan_to_num(shape.points()), np.isfinite(shape.depth)
     normal = shape.camera.normals_to_world(np.nan_to_num(shape.normal))
     to_viewer = -shape.camera.rays()[1]
-    pictures = np.empty((len(lights), *known.shape, 3), np.float32)
+    pictures = np.empty((len(lights), *known.shape, 3), digits)
     for i in range(len(lights)):
         far = lights.kind == "distant"
         reach = np.broadcast_to(lights.position[i], points.shape) if far else lights.position[i] - points

@@ -50,16 +50,21 @@ SOLVERS: dict[str, tuple[str, Solve, float]] = {  # which capture, what is solve
 }
 
 
-def run() -> list[Outcome]:
+def captures(digits: type = np.float32) -> dict[str, drawn.Drawn]:
+    """What is solved: a glossy ball under near and under distant lights."""
     distant = Lights("distant", hemisphere(60)[:40], np.full((40, 3), np.pi), np.full(40, 2))
-    captures = {
-        "near": drawn.draw(BALL, drawn.two_spheres(), drawn.ggx),
-        "distant": drawn.draw(synthetic.ball(synthetic.camera(20, "orthographic")), distant, drawn.ggx),
+    return {
+        "near": drawn.draw(BALL, drawn.two_spheres(), drawn.ggx, digits),
+        "distant": drawn.draw(synthetic.ball(synthetic.camera(20, "orthographic")), distant, drawn.ggx, digits),
     }
+
+
+def run() -> list[Outcome]:
+    made = captures()
     found = []
     before = numba.get_num_threads()
     for name, (kind, solve, most) in SOLVERS.items():
-        capture = captures[kind]
+        capture = made[kind]
         usual = solve(capture)
         different = int(usual.tobytes() != solve(capture).tobytes())
         try:
