@@ -29,7 +29,7 @@ from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, sett
 
 OF_MIXTURE = (
     *("lobes", "material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_view"),
-    *("error_by_lobes", "rendered_rel_rms", "rendered_table_rel_rms", "render_cost", "texels_lowered"),
+    *("error_by_lobes", "rendered_rel_rms", "rendered_table_rel_rms", "render_cost", "texels_lowered", "condition"),
 )
 OF_ONE_LOBE = ("material_rel_rms", "material_rel_rms_median", "roughness")
 Recovered = Reflectance | Bivariate | Brdf

@@ -81,7 +81,7 @@ def reflectance(
         found = fitted(opened, capture, settings)
         found = dataclasses.replace(found, notes={**found.notes, "shape": os.path.relpath(shape, output)})
         found.save(output)
-        wanted = ("material_rel_rms", "material_rel_rms_median", "bases", "nodes_seen")
+        wanted = ("material_rel_rms", "material_rel_rms_median", "bases", "nodes_seen", "condition")
         figures.values.update({key: found.notes[key] for key in wanted if key in found.notes})
         figures.summary = f"{summary(found.notes)}; in {output}"
         figures.obtained({"material_rel_rms": found.notes["material_rel_rms"]})

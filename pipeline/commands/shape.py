@@ -35,6 +35,7 @@ MeshFile = Annotated[
 OF_BASES = ("bases", "objective", "start_explains_better", "nodes_seen", "held_out")
 PAGE = "report.html"
 LEFT_OUT = ("saturated_values", "broken_values")
+NOTED = (*LEFT_OUT, "condition")
 NAMED = 5  # changed pictures that a warning names
 
 
@@ -112,7 +113,7 @@ def shape(
             results = page.Results(Capture.open(source), found, reflectance, figures.values["solve_seconds"])
             images.write_text(output / PAGE, page.report(results))
         left_out = {name: found.notes[name] for name in LEFT_OUT if name in found.notes}
-        figures.values.update(errors, **left_out)
+        figures.values.update(errors, **{name: found.notes[name] for name in NOTED if name in found.notes})
         if mesh:
             figures.values["silhouette_overlap_pct"] = found.notes["silhouette_overlap_pct"]
         words = ", ".join(f"{name} {value:.4g}" for name, value in errors.items())

@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -34,6 +34,7 @@ TIMED = {
     "relight": "seconds to relight twelve pictures",
     "inverse": "seconds to search",
 }
+TABLE, PLOT = "tradeoff.csv", "tradeoff.png"
 BESIDE = ("recovered_pct",)  # the error to judge by
 
 
@@ -53,6 +54,7 @@ def tradeoff(
     photograph: Annotated[
         Path | None, typer.Option(help="the picture of a known scene, for inverse", metavar="FILE")
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an earlier table")] = False,
     json: JsonFile = None,
 ) -> None:
     """Do a stage with several settings; state the error and time of each, and which are beaten by others.
@@ -60,21 +62,23 @@ def tradeoff(
     The error is against truth where the source has it, else on lights held out; of capture against pictures with far
     more samples, of inverse against the photograph. What is varied: bounces and samples (capture), lights, method and
     bases (shape), model and bases (reflectance), closures (material), lights and interpolation (relight), size, time
-    and levels (inverse). Writes tradeoff.csv and tradeoff.png.
+    and levels (inverse). Writes tradeoff.csv and tradeoff.png; Ctrl-C writes them with the settings done by then.
     """
     chosen = chosen_stage(source, stage, photograph)
+    if (output / TABLE).exists() and not overwrite:
+        raise LightsphereError(f"{output / TABLE} exists; choose another folder, or replace it with --overwrite")
     with Figures("tradeoff", json) as figures:
         output.mkdir(parents=True, exist_ok=True)
-        trials = tried(chosen, source, photograph)
+        trials, stopped = tried(chosen, source, photograph)
         beaten = dominated(trials)
         _print(trials, beaten)
         rows = [as_row(trial, better) for trial, better in zip(trials, beaten, strict=True)]
         write(output, chosen, trials, rows)
         figures.values |= {"stage": chosen, "trials": rows}
         front = [trial.label for trial, better in zip(trials, beaten, strict=True) if not better]
-        figures.summary = (
-            f"{chosen}: best for their time: {'; '.join(front)}; tradeoff.csv and tradeoff.png in {output}"
-        )
+        figures.summary = f"{chosen}: best for their time: {'; '.join(front)}; {TABLE} and {PLOT} in {output}"
+    if stopped:
+        raise KeyboardInterrupt
 
 
 def chosen_stage(source: str, stage: str, photograph: Path | None) -> str:
@@ -95,10 +99,16 @@ def chosen_stage(source: str, stage: str, photograph: Path | None) -> str:
     return found or ("material" if folder.suffix in (".binary", ".npz") else "capture")
 
 
-def tried(stage: str, source: str, photograph: Path | None) -> list[Trial]:
-    """Measure a stage's variants with a bar."""
+def tried(stage: str, source: str, photograph: Path | None) -> tuple[list[Trial], bool]:
+    """Measure a stage's variants with a bar; return those that were done, and whether it was interrupted.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where none was done yet.
+    """
     if stage == "material":
-        return run_with_bar(_material(Path(source)))
+        return run_with_bar(_material(Path(source))), False
     if stage == "capture":
         from ..blender import tradeoff as blender
 
@@ -122,7 +132,15 @@ def tried(stage: str, source: str, photograph: Path | None) -> list[Trial]:
             variants = reflectance.variants(shape, capture, ReflectanceSettings())
         else:
             variants = relight.variants(shape, capture, RelightSettings())
-    return [trial for trial, _ in run_with_bar(measure(variants, warm_up=stage != "inverse"))]
+    found: list[tuple[Trial, Any]] = []
+    stopped = False
+    try:
+        run_with_bar(measure(variants, stage != "inverse", found))
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        stopped = True
+    return [trial for trial, _ in found], stopped
 
 
 def _material(source: Path) -> Work[list[Trial]]:
@@ -146,8 +164,8 @@ def write(folder: Path, stage: str, trials: Sequence[Trial], rows: Sequence[dict
     writer = csv.DictWriter(sink, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    images.write_text(folder / "tradeoff.csv", sink.getvalue())
-    images.write_bytes(folder / "tradeoff.png", tradeoff_plot(trials, TIMED[stage]))
+    images.write_text(folder / TABLE, sink.getvalue())
+    images.write_bytes(folder / PLOT, tradeoff_plot(trials, TIMED[stage]))
 
 
 def _print(trials: Sequence[Trial], beaten: Sequence[str]) -> None:

@@ -83,7 +83,10 @@ def made(folder: Path, *words: str, file: str) -> None:
 def measured(cache: Path, stage: str, words: list[str]) -> list[dict[str, object]]:
     """Return the rows of a stage's table."""
     figures = cache / f"{stage}.json"
-    assert cli.main(["tradeoff", *words, "-o", str(cache / f"tradeoff_{stage}"), "--json", str(figures)]) == 0
+    assert (
+        cli.main(["tradeoff", *words, "-o", str(cache / f"tradeoff_{stage}"), "--overwrite", "--json", str(figures)])
+        == 0
+    )
     rows: list[dict[str, object]] = json.loads(figures.read_text(encoding="utf-8"))["trials"]
     return rows
 

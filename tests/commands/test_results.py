@@ -13,7 +13,9 @@ import pytest
 from pipeline import cli
 from pipeline.commands.tradeoff import chosen_stage
 from pipeline.core import images
+from pipeline.core.progress import Progress, Work
 from pipeline.core.reflectance import Reflectance
+from pipeline.core.tradeoff import Variant
 from tests import synthetic
 
 
@@ -81,6 +83,33 @@ def test_what_follows_on_the_source_is_tried_and_written_as_table_and_plot(folde
     assert (tmp_path / "tradeoff.png").read_bytes().startswith(b"\x89PNG")
     by_model = {row["pictures"]: row["relight_rel_rmse"] for row in rows if row["interpolation"] == "model"}
     assert by_model[max(by_model)] < by_model[min(by_model)]  # lights make it better
+
+
+def test_an_interrupted_tradeoff_keeps_what_was_done_and_nothing_is_replaced_unasked(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def quick() -> Work[float]:
+        yield Progress("anything", 1, 1)
+        return 0.25
+
+    def interrupted() -> Work[float]:
+        yield Progress("anything", 1, 2)
+        raise KeyboardInterrupt
+
+    works = {"quick": quick, "long": interrupted}
+    made = [
+        Variant(label, {"pictures": 1}, 1.0, work, lambda error: {"relight_rel_rmse": error})
+        for label, work in works.items()
+    ]
+    monkeypatch.setattr("pipeline.core.tradeoff.relight.variants", lambda *_: made)
+    words = ["tradeoff", str(folder / "shape"), "--stage", "relight", "-o", str(tmp_path)]
+    assert cli.main(words) == 130
+    with (tmp_path / "tradeoff.csv").open(newline="") as file:
+        assert [row["label"] for row in csv.DictReader(file)] == ["quick"]
+    assert (tmp_path / "tradeoff.png").is_file()
+    assert cli.main(words) == 2
+    assert "replace it with --overwrite" in capsys.readouterr().err
+    assert cli.main([*words, "--overwrite"]) == 130
 
 
 @pytest.mark.parametrize(

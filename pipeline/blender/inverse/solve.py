@@ -85,6 +85,7 @@ class Search:
         self.deviations: dict[Unknown, list[float]] = {}
         self.seen = ["directly" if mask.any() else "not at all" for mask in self.masks]
         self.history: list[dict[str, Any]] = []
+        self.condition: float | None = None  # of the last step of all groups together
         self.pictures: dict[str, Array] = {}
         self.kept: tuple[State, dict[Unknown, list[float]]] | None = None
 
@@ -310,9 +311,9 @@ class Search:
             elif best is None or error < best[0]:
                 best = error, self.room.state(), residuals
             moving = [wanted[place] for place in free]
-            moves, spread, untold = step(evidence, moving, slopes[:, free], residuals, damping)
+            moves, spread, untold, self.condition = step(evidence, moving, slopes[:, free], residuals, damping)
             if len(free) < len(wanted):
-                _, spread, _ = step(evidence, wanted, slopes, residuals, damping)
+                _, spread, _, self.condition = step(evidence, wanted, slopes, residuals, damping)
             turns = [n + (by * before < 0) for n, by, before in zip(turns, moves, last, strict=True)]
             gains, last = [1 / (1 + n) for n in turns], moves
             self.deviations |= {unknown: sd.tolist() for unknown, sd in zip(wanted, spread, strict=True)}
@@ -362,7 +363,8 @@ class Search:
         evidence = self.evidence
         error = noiseless_rmse(residuals, evidence.photograph, evidence.weight[..., 0] > 0)
         diffuse = {group.name: m.diffuse.tolist() for group, m in zip(self.room.groups, self.room.models, strict=True)}
-        self.history.append({"stage": stage, "seconds": seconds, "error": error, "diffuse": diffuse})
+        noted = {"stage": stage, "seconds": seconds, "error": error, "condition": self.condition, "diffuse": diffuse}
+        self.history.append(noted)
         self._keep()
 
     def _keep(self) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.condition import condition
 from ...core.inverse import COLOURED, FREE, POWER, STEPS
-from ...core.inverse.estimate import newton
+from ...core.inverse.estimate import newton, normal_equations
 from ...core.inverse.photograph import weights
 from ...core.progress import Progress, Work
 from .evidence import Evidence
@@ -68,8 +69,8 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
 
 def step(
     evidence: Evidence, wanted: Sequence[Unknown], slopes: Array, residuals: Array, damping: float
-) -> tuple[list[Array], list[Array], set[int]]:
-    """Return the step of every unknown, its deviation, and the groups that the picture tells nothing of.
+) -> tuple[list[Array], list[Array], set[int], float]:
+    """Return the step of every unknown, its deviation, the groups that the picture tells nothing of, and the condition.
 
     Steps and deviations are (3,) of reflectances and (1,) of what all colours share.
     """
@@ -88,10 +89,11 @@ def step(
     move, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], weight[used], damping)
     power = (jacobians[0] * jacobians[1] * weight[used]).sum(axis=1)
     parts = [np.array(owner) == place for place in range(len(wanted))]
-    told = {
+    shown = {
         number
         for (number, kind), part in zip(wanted, parts, strict=True)
         if kind != POWER and power[part].max() > UNSEEN**2 * power.max()
     }
-    untold = {number for number, kind in wanted if kind != POWER} - told
-    return [move[part] for part in parts], [deviation[part] for part in parts], untold
+    untold = {number for number, kind in wanted if kind != POWER} - shown
+    told = float(condition(normal_equations(jacobians, weight[used])))
+    return [move[part] for part in parts], [deviation[part] for part in parts], untold, told

@@ -114,6 +114,12 @@ def better(simple: Fit, rich: Fit, worth: float) -> bool:
     return simple.error - rich.error > max(2.5 * float(np.hypot(simple.noise, rich.noise)), worth)
 
 
+def normal_equations(jacobians: Array, weight: Array) -> Array:
+    """Return J^T W J (U, U) of derivatives by two seeds (2, U, N), of either with the other's."""
+    normal = (jacobians[0] * weight) @ jacobians[1].T
+    return np.asarray((normal + normal.T) / 2)
+
+
 def newton(
     jacobians: Array, residuals: Array, weight: Array, damping: float = 1e-3, same_seeds: bool = False
 ) -> tuple[Array, Array]:
@@ -130,8 +136,7 @@ def newton(
         Share of the diagonal that is added: unknowns that nothing shows stay.
     """
     first, second = jacobians
-    normal = (first * weight) @ second.T
-    normal = (normal + normal.T) / 2
+    normal = normal_equations(jacobians, weight)
     scale = np.maximum(np.diag(normal), 1e-30 + 1e-9 * np.abs(np.diag(normal)).max())
     normal = normal + np.diag(damping * scale)
     mean = (first + second) / 2

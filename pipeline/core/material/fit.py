@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..brdf import Brdf
+from ..condition import condition, noted
 from ..errors import LightsphereError
 from ..progress import Progress, Work
 from . import MOST_BASES, STOPS, Mixture, stop_shares
@@ -98,6 +99,7 @@ def fit(brdfs: Sequence[Brdf], lobes: int, fresnel: bool = True) -> Work[Mixture
     mixture = bounded(Mixture(tuple(problem.lobes[i] for i in order), problem.curves(order)))
     mixture = _without_unused(mixture)
     notes = mixture.notes | problem.figures(mixture) | {"error_by_lobes": errors}
+    notes["condition"] = {"curves of a basis": noted(problem.conditions(order))}
     return Mixture(mixture.lobes, mixture.curves, notes)
 
 
@@ -193,6 +195,10 @@ class _Problem:
                 used.pop(least)
             found[number, used] = curves
         return found
+
+    def conditions(self, chosen: list[int]) -> Array:
+        """Return the condition number of every basis' equations for its curves (K,)."""
+        return np.array([float(condition(sums.equations(_unknowns(chosen)))) for sums in self.sums])
 
     def figures(self, mixture: Mixture) -> dict[str, list[Any]]:
         """Return the errors of every basis."""

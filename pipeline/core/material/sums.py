@@ -50,8 +50,12 @@ class Sums:
         cost = self.power[:3].sum() - 2 * (moments[:, :3] * found).sum() + (found * (gram @ found)).sum()
         return max(float(cost), 0.0), found
 
+    def equations(self, unknowns: Index) -> Array:
+        """Return the normal equations (V, V) of some unknowns."""
+        return self.gram[np.ix_(unknowns, unknowns)]
+
     def _part(self, unknowns: Index) -> tuple[Array, Array]:
-        return self.gram[np.ix_(unknowns, unknowns)], self.moments[unknowns]
+        return self.equations(unknowns), self.moments[unknowns]
 
 
 def non_negative(gram: Array, moments: Array) -> Array:

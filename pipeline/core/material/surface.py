@@ -136,7 +136,8 @@ def _bounded(mixture: Mixture, weights: NDArray[np.float32]) -> tuple[NDArray[np
 
 
 def _figures(mixture: Mixture) -> dict[str, Any]:
-    names = ("material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "albedo", "error_by_view", "error_by_lobes")
+    errors = ("material_rel_rms", "cube_root_rel_rms", "reciprocity_error", "error_by_view", "error_by_lobes")
+    names = (*errors, "albedo", "condition")
     return {name: mixture.notes[name] for name in names} | {
         "model": "mixture of closures",
         "lobes": [f"{lobe.kind} {lobe.roughness:.3g}" for lobe in mixture.lobes],

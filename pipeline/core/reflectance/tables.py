@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
+from ..condition import condition, noted
 from ..errors import LightsphereError
 from ..progress import Work
 from ..shape import Shape
@@ -65,11 +66,14 @@ def fit(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> Work[B
     table, seen = tables.fine()
     weights = np.full((*known.shape, table.shape[2], 1), np.nan)
     squares = np.full((*known.shape, 2), np.nan)
+    told = np.full(known.shape, np.nan)
     for number, group in enumerate(groups):
         if number > 0:
             sight = yield from see(capture, group, shape.depth)
             normals = _normals(shape, group, sight)
-        weights[group] = weigh(_split(sight, settings.held_out)[0], normals, tables)
+        used = _split(sight, settings.held_out)[0]
+        weights[group] = weigh(used, normals, tables)
+        told[group] = condition(_weight_equations(used, normals, table))
         unseen = _split(dataclasses.replace(sight, usable=lit(sight, normals)), settings.held_out)[1]
         squares[group] = squares_left(unseen, normals, table, weights[group])
     error = np.sqrt(squares[..., 0] / np.where(squares[..., 1] > 0, squares[..., 1], np.nan))
@@ -80,6 +84,7 @@ def fit(shape: Shape, capture: Capture, settings: ReflectanceSettings) -> Work[B
         "bases": table.shape[2],
         "objective": list(tables.objective),
         "nodes_seen": float((seen > 0).mean()),
+        "condition": {"weights of a pixel": noted(told[known])},
         "held_out_lights": len(unseen.lights),
         "material_rel_rms": float(np.sqrt(total[0] / max(total[1], 1e-30))),
         "material_rel_rms_median": float(np.nanmedian(error)) if np.isfinite(error).any() else 1.0,
@@ -115,6 +120,17 @@ def squares_left(
     predict(sight.lights, sight.near, sight.points, sight.views, table, normals, weights, model)
     squares = [np.square(part, dtype=np.float64).sum(axis=2) for part in (model - sight.values, sight.values)]
     return np.stack([(sight.usable * square).sum(axis=1) for square in squares], axis=-1)
+
+
+def _weight_equations(sight: Sight, normals: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normal equations (P, K, K) of every pixel's weights: products of what the bases alone would show."""
+    count = table.shape[2]
+    alone = np.empty((count, *sight.values.shape), np.float32)
+    for k in range(count):
+        only = np.zeros((len(normals), count, 1))
+        only[:, k] = 1.0
+        predict(sight.lights, sight.near, sight.points, sight.views, table, normals, only, alone[k])
+    return np.asarray(np.einsum("aplc,bplc,pl->pab", alone, alone, sight.usable, dtype=np.float64, optimize=True))
 
 
 def _split(sight: Sight, every: int) -> tuple[Sight, Sight]:

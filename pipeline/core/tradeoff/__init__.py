@@ -90,7 +90,9 @@ class Variant:
     phases: Mapping[str, float] = field(default_factory=dict)
 
 
-def measure(variants: Sequence[Variant], warm_up: bool = True) -> Work[list[Any]]:
+def measure(
+    variants: Sequence[Variant], warm_up: bool = True, found: list[tuple[Trial, Any]] | None = None
+) -> Work[list[tuple[Trial, Any]]]:
     """Try every variant in turn.
 
     Parameters
@@ -98,6 +100,8 @@ def measure(variants: Sequence[Variant], warm_up: bool = True) -> Work[list[Any]
     variants : sequence of Variant
     warm_up : bool
         Whether the lightest variant is done once before, uncounted: that compiles kernels and fills caches.
+    found : list, optional
+        Filled with what is returned, one variant after the other: what is known if this is stopped.
 
     Returns
     -------
@@ -107,7 +111,7 @@ def measure(variants: Sequence[Variant], warm_up: bool = True) -> Work[list[Any]
     if warm_up:
         for _ in min(variants, key=lambda variant: variant.weight).work():
             yield Progress("warm up", 0.0, 100.0, "%")
-    found, done = [], 0.0
+    found, done = [] if found is None else found, 0.0
     for variant in variants:
         start = time.perf_counter()
         result = yield from retold(shares(variant.work(), variant.phases), partial(_tried, done, variant.weight, total))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Capture
+from ...condition import BAD, condition, noted
 from ...errors import LightsphereError
 from ...progress import Work
 from ...reflectance.bivariate import Bivariate
@@ -86,8 +87,13 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     if unseen is not None:
         error = held_out_error(unseen, found)
         reflectance = dataclasses.replace(reflectance, notes={**reflectance.notes, "held_out": error})
-    shape = _shape(capture, mask, found, before)
+    shape = _noted(_shape(capture, mask, found, before), condition(sight.light_equations(), one_unit=True))
     return Recovered(dataclasses.replace(shape, notes={**shape.notes, "matte": sure is not None}), reflectance)
+
+
+def _noted(shape: Shape, told: NDArray[np.float64]) -> Shape:
+    """Note how well every pixel's lights tell the parts of its normal apart."""
+    return dataclasses.replace(shape, notes={**shape.notes, "condition": {"lights of a pixel": noted(told)}})
 
 
 def check(capture: Capture) -> None:
@@ -111,8 +117,9 @@ def _lambertian(capture: Capture, mask: NDArray[np.bool_], sight: Sight, before:
         raise LightsphereError(f"{capture.folder}: no pixel is lit from three independent directions; add lights")
     mask = mask.copy()
     mask[mask] = known
-    normals = seen_from(b[known], sight.select(known), 0.0)
-    return surface(capture, mask, normals, np.ones(int(known.sum())), before, {})
+    seen = sight.select(known)
+    told = condition(seen.light_equations(), one_unit=True)
+    return _noted(surface(capture, mask, seen_from(b[known], seen, 0.0), 1 / (1 + told / BAD), before, {}), told)
 
 
 def _shape(capture: Capture, mask: NDArray[np.bool_], found: Decomposition, before: Shape | None) -> Shape:

@@ -63,6 +63,15 @@ class Sight:
         gray = np.where(self.usable > 0, self.values.mean(axis=2), 0.0)
         return np.asarray(gray > DARK * np.quantile(gray, 0.9, axis=1, keepdims=True))
 
+    def light_equations(self) -> NDArray[np.float64]:
+        """Return the normal equations (P, 3, 3) of a matt surface: sums of l l^T of the lights l that are seen."""
+        found, lit = np.zeros((len(self.values), 3, 3)), self.lit()
+        for light, place in enumerate(self.lights):
+            towards = place - self.points if self.near else np.broadcast_to(place, self.points.shape)
+            towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+            found += lit[:, light, None, None] * towards[:, :, None] * towards[:, None, :]
+        return found
+
     def scale(self) -> NDArray[np.float64]:
         """Return a usual value of every pixel (P,) [1/sr]: the 80th percentile of the lit ones, tiny where none is."""
         lit = np.where(self.lit(), self.values.mean(axis=2), np.nan)

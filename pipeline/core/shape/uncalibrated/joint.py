@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...condition import condition
 from . import integrability
 from .equations import certainties, eliminate, foresee, foreseen_costs, turn_normals
 from .known import Known
@@ -183,8 +184,11 @@ class Joint:
         sure = self.certainty[..., None]
         return 1.0 - float((sure * matt).sum() / max((sure * everything).sum(), 1e-300))
 
-    def light_covariance(self) -> Array:
-        """Return the covariance (3 L, 3 L) of the lights that the misfit and the curvature of the cost give."""
+    def light_covariance(self) -> tuple[Array, float]:
+        """Return the covariance (3 L, 3 L) of the lights that the misfit and the curvature of the cost give.
+
+        Beside it the condition number of that curvature, over all unknowns that pixels share.
+        """
         damping, self.damping = self.damping, DAMPING[1]
         system, _, _, reduced, _ = self._equations()
         flat = reduced.reshape(-1, len(system))
@@ -193,8 +197,9 @@ class Joint:
         free = np.diag(system) > RIDGE * np.diag(system).max()
         free[3 * len(self.lights) :] &= self.coefficients.ravel() > 0
         count = 3 * len(self.lights)
-        inverse = np.linalg.pinv(system[np.ix_(free, free)], hermitian=True)
-        return np.asarray(ALIKE / CORRELATED * self.belief * inverse[:count, :count])
+        curvature = system[np.ix_(free, free)]
+        inverse = np.linalg.pinv(curvature, hermitian=True)
+        return np.asarray(ALIKE / CORRELATED * self.belief * inverse[:count, :count]), float(condition(curvature))
 
     def _equations(self) -> tuple[Array, Array, Array, Array, Array]:
         """Return the shared unknowns' damped system (G, G) and right side, and what :func:`eliminate` fills in."""

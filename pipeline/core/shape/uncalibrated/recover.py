@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...camera import Camera
 from ...capture import Capture
+from ...condition import noted
 from ...errors import LightsphereError
 from ...lights import Lights
 from ...progress import Work
@@ -108,7 +109,8 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     intensity = np.pi * bright * strength[:, None] * colours
     lights = Lights("distant", direction @ to_world.T, intensity, np.full(len(direction), 2))
     scaled = joint.coefficients * level / (np.pi * bright)
-    spread = _deviations(solution)
+    covariance, conditioned = joint.light_covariance()
+    spread = _deviations(solution, covariance)
     doubts = _doubts(joint, spread)
     misfit = fitted.misfit / (1.0 + fitted.misfit)
     confidence = (1.0 - misfit) / (1.0 + fitted.deviation / USUAL_DEVIATION)
@@ -125,6 +127,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
         "objectives": list(solution.objectives),
         "objective": list(solution.course),
         "cues": sorted(joint.known.cues),
+        "condition": {"lights and bases": noted(np.array([conditioned]))},
     }
     shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
     lit = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))
@@ -178,10 +181,9 @@ def _light_colours(sight: Sight) -> Array:
     return np.asarray(colours / colours.mean(axis=1, keepdims=True))
 
 
-def _deviations(solution: Solution) -> Array:
+def _deviations(solution: Solution, covariance: Array) -> Array:
     """Return the standard deviation of every light [degrees]: by the curvature, and by what is nearly as good."""
     best = solution.joint
-    covariance = best.light_covariance()
     strength = np.linalg.norm(best.lights, axis=1)
     direction = best.lights / strength[:, None]
     squares = np.empty(len(strength))
