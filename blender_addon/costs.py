@@ -19,6 +19,7 @@ WORDS = {
     "normal_expected_deg": "normal error",
     "material_rel_rms": "reflectance error",
     "relight_rel_rmse": "picture error",
+    "reflectance_expected_pct": "reflectance error",
 }
 
 

@@ -235,6 +235,7 @@ class Inverse(Stage):
     doing = "Recovering reflectances"
     settings = InverseSettings
     opens = "photograph"
+    varied = ("budget",)
 
     def lacks(self, scene: bpy.types.Scene) -> str:
         if not scene.lightsphere.photograph:
@@ -242,6 +243,9 @@ class Inverse(Stage):
         if not given(scene, "photograph").is_file():
             return "No photograph is there"
         return "" if scene.camera else "The scene has no camera"
+
+    def foretells(self, scene: bpy.types.Scene) -> bool:
+        return scene.lightsphere.inverse.method == "joint"
 
     def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
         figures = ["--json", str(folder / groups.FIGURES)]

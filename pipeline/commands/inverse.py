@@ -17,12 +17,11 @@ from ..core.inverse import InverseSettings
 from ..core.inverse.estimate import noiseless_rmse
 from ..core.inverse.photograph import prepared
 from ..core.tradeoff import Trial
-from ..core.tradeoff.goal import Goal, Promise
+from ..core.tradeoff.goal import Goal, Promise, choose
 from .device import Device, render_on
-from .stage import Figures, JsonFile, run_with_bar, settings_options
+from .stage import DryRun, Figures, JsonFile, run_with_bar, settings_options
 
 BLEND, PAGE = "recovered.blend", "report.html"
-ERROR = "reflectance_expected_pct"
 FINAL_SAMPLES, STOPPED_SAMPLES = 64, 16
 FINAL_SEEDS = (2_000_000, 2_000_001)
 PILOT_SAMPLES, SPARE = 8, 1.5  # by which is told what follows a search, beside so many seconds
@@ -39,6 +38,7 @@ def inverse(
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the results")],
     settings: InverseSettings,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace earlier results")] = False,
+    dry_run: DryRun = False,
     device: Device = "cpu",
     json: JsonFile = None,
 ) -> None:
@@ -56,13 +56,14 @@ def inverse(
     """
     from ..blender import scene as scenes
     from ..blender.inverse import groups
+    from ..blender.inverse.forecast import ERROR, Forecast
     from ..blender.inverse.room import Room
     from ..blender.inverse.solve import Search
     from ..blender.inverse.source import Source
     from ..blender.inverse.uses import SAMPLES, WAYS, pictures
     from ..blender.pictures import merged, read
 
-    if (output / BLEND).exists() and not overwrite:
+    if (output / BLEND).exists() and not overwrite and not dry_run:
         raise LightsphereError(f"{output / BLEND} exists; choose another folder, or replace it with --overwrite")
     goal = Goal(settings.budget, settings.target)
     with Figures("inverse", json) as figures:
@@ -78,6 +79,10 @@ def inverse(
         room = Room(loaded, every, seen)
         follows = SPARE + _sample_seconds(room) * (FINAL_SAMPLES + len(WAYS) * SAMPLES)
         left = max(settings.budget - goal.spent - follows, LEAST_SEARCH * settings.budget)
+        if dry_run:
+            work = Forecast(room, seen, settings).foretold(goal.spent, follows)
+            figures.foreseen(choose(run_with_bar(work, one_bar=True), Goal()))
+            return
         asked = dataclasses.replace(settings, budget=left)
         search = {"joint": Search, "source": Source}[settings.method](room, seen, asked)
         found, stopped = _searched(search)
@@ -102,8 +107,9 @@ def inverse(
             f"{counted}; rerendered_rel_rmse {figures.values['rerendered_rel_rmse']:.3g}; look at {output / PAGE}"
         )
         if search.deviations:  # the source's method knows none
-            figures.promise = _promise(settings, goal, search.uncertainty())
-            figures.obtained({ERROR: 100 * search.uncertainty()})
+            sure = {ERROR: 100 * search.uncertainty()}
+            figures.promise = _promise(settings, goal, sure)
+            figures.obtained(sure)
     if stopped:
         raise KeyboardInterrupt
 
@@ -116,12 +122,13 @@ def _sample_seconds(room: Any) -> float:
     return (time.perf_counter() - start) / PILOT_SAMPLES
 
 
-def _promise(settings: InverseSettings, goal: Goal, uncertainty: float) -> Promise:
-    """Return time and uncertainty that were asked for as a promise."""
-    missed = uncertainty > settings.target / 100
+def _promise(settings: InverseSettings, goal: Goal, sure: dict[str, float]) -> Promise:
+    """Return time and uncertainty that were asked for as a promise, of which is known what was obtained."""
+    missed = any(value > settings.target for value in sure.values())
     lacks = "the search ended before all reflectances were as sure as asked for" if missed else ""
     asked = {"budget": settings.budget, "target": settings.target}
-    return Promise(goal, Trial("", asked, settings.budget, {ERROR: settings.target}), settings.budget, lacks, ())
+    expected = Trial("", asked, settings.budget, dict.fromkeys(sure, settings.target))
+    return Promise(goal, expected, settings.budget, lacks, ())
 
 
 def _searched(search: Any) -> tuple[Any, bool]:

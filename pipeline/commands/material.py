@@ -33,6 +33,7 @@ OF_MIXTURE = (
 )
 OF_ONE_LOBE = ("material_rel_rms", "material_rel_rms_median", "roughness")
 Recovered = Reflectance | Bivariate | Brdf
+Opened = tuple[Shape | None, Path, Recovered]  # no shape for a BRDF file; the folder that paths of notes start from
 
 
 @settings_options(MaterialSettings)
@@ -65,7 +66,6 @@ def material(
     from ..blender import exports
 
     goal = Goal(budget, target)
-
     if output.suffix != ".blend":
         raise LightsphereError(f"{output} is no .blend file; name the asset like asset.blend")
     exports.check_names(gltf, usd)
@@ -74,7 +74,8 @@ def material(
             raise LightsphereError(f"{path} exists; choose another name, or replace it with --overwrite")
     with Figures("material", json) as figures:
         figures.values["device"] = render_on(device)
-        shape, folder, found = run_with_bar(opened(source))
+        given = run_with_bar(opened(source))
+        shape, _, found = given
         if goal or dry_run:
             from ..blender import material_goal
 
@@ -92,7 +93,7 @@ def material(
         output.parent.mkdir(parents=True, exist_ok=True)
         wanted = settings.principled or any((gltf, usd, pbr))
         name = source.stem if shape is None else "Recovered"
-        figures.values.update(run_with_bar(made(shape, folder, found, name, output, settings, wanted, pbr)))
+        figures.values.update(run_with_bar(made(given, name, output, settings, wanted, pbr)))
         if gltf or usd:
             exports.run(output, gltf, usd)
         figures.summary = f"{summary(figures.values)}; in {output}"
@@ -101,24 +102,18 @@ def material(
 
 
 def made(
-    shape: Shape | None,
-    folder: Path,
-    recovered: Recovered,
-    name: str,
-    output: Path,
-    settings: MaterialSettings,
-    principled: bool,
-    pbr: Path | None,
+    given: Opened, name: str, output: Path, settings: MaterialSettings, principled: bool, pbr: Path | None
 ) -> Work[dict[str, Any]]:
-    """Make the asset of what was recovered, with a page beside it and PBR textures in a folder; return the figures.
-
-    The shape is that of a folder, or None for a BRDF file.
-    """
+    """Make the asset of what was recovered, with a page beside it and PBR textures in a folder; return the figures."""
     from ..blender import asset, scanned_asset
     from ..core.material.principled import fit_principled
 
-    one_lobe = isinstance(recovered, Reflectance)
-    found = recovered if one_lobe else (yield from closures(recovered, settings.lobes))
+    shape, folder, recovered = given
+    found: Reflectance | Surface
+    if isinstance(recovered, Reflectance):
+        found = recovered
+    else:
+        found = yield from closures(recovered, settings.lobes)
     nearest = fit_principled(*bases_of(found)) if principled else None
     shown: tuple[str, bytes] | None = None
     if isinstance(found, Surface):
@@ -143,8 +138,8 @@ def closures(recovered: Bivariate | Brdf, most: int) -> Work[Surface]:
     return uniform([recovered], most)
 
 
-def opened(source: Path) -> Work[tuple[Shape | None, Path, Recovered]]:
-    """Return the shape of a source and its folder, None for a BRDF file, and what its material is to show."""
+def opened(source: Path) -> Work[Opened]:
+    """Return the shape of a source and its folder, and what its material is to show."""
     if source.is_file():
         from ..core.brdf.files import read_brdf
 
