@@ -41,6 +41,7 @@ def test_a_dry_run_shows_what_closures_buy_and_leaves_nothing(table: Path, tmp_p
     assert all(row["seconds"] > 0 for row in rows)
 
 
+@pytest.mark.slow
 def test_the_fewest_that_reach_a_target_are_taken(table: Path, tmp_path: Path) -> None:
     rows = run(table, tmp_path, "--dry-run")["trials"]
     target = 100 * (rows[0]["material_rel_rms"] + rows[1]["material_rel_rms"]) / 2

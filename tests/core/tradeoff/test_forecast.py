@@ -161,7 +161,7 @@ def distant() -> Drawn:
     return dataclasses.replace(drawn, pictures=drawn.pictures * noise.astype(np.float32))
 
 
-@pytest.mark.parametrize("method", ["acls", "lambertian"])
+@pytest.mark.parametrize("method", [pytest.param("acls", marks=pytest.mark.slow), "lambertian"])
 def test_normals_are_about_as_far_off_as_was_promised(distant: Drawn, method: str) -> None:
     """By angles to the richest settings, which know nothing of the truth; a Lambertian fit of a glossy ball is off."""
     settings = ShapeSettings(method=method)
