@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.blender import cycles, exr
 from pipeline.blender.camera import camera_of
 from pipeline.blender.inverse import groups
+from pipeline.blender.inverse.found import Found
 from pipeline.blender.inverse.room import Room
 from pipeline.blender.inverse.solve import Search
 from pipeline.core.inverse import InverseSettings
@@ -58,12 +59,16 @@ def photograph(scene: bpy.types.Scene) -> np.ndarray:
         return exr.read_rgb(Path(folder) / "photograph.exr")
 
 
-def run() -> list[Outcome]:
-    scene = box()
-    settings = InverseSettings(resolution=WIDTH, budget=BUDGET)
+def searched(scene: bpy.types.Scene, budget: float) -> tuple[Room, Found]:
+    """Photograph a scene, and look for what it reflects."""
+    settings = InverseSettings(resolution=WIDTH, budget=budget)
     seen = prepared(photograph(scene), 32, "linear", (WIDTH, HEIGHT), WIDTH)
     room = Room(scene, groups.find(scene, settings.groups), seen)
-    found = finish(Search(room, seen, settings).run())
+    return room, finish(Search(room, seen, settings).run())
+
+
+def run() -> list[Outcome]:
+    room, found = searched(box(), BUDGET)
     outcomes = []
     for group, model in zip(room.groups, found.models, strict=True):
         true = WALLS if group.name == "Walls" else BLOCK

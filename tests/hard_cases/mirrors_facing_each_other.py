@@ -6,27 +6,17 @@ Must: both are found to be mirrors, their reflectance within 5 %, the floor's wi
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import bpy
 import numpy as np
 
-from pipeline.blender import cycles, exr
-from pipeline.blender.camera import camera_of
-from pipeline.blender.inverse import groups
-from pipeline.blender.inverse.room import Room
-from pipeline.blender.inverse.solve import Search
-from pipeline.core.inverse import InverseSettings
-from pipeline.core.inverse.photograph import prepared
-from pipeline.core.progress import finish
 from tests.blender import small_scenes
 from tests.hard_cases.catalogue import Outcome
+from tests.hard_cases.closed_white_box import HEIGHT, WIDTH, searched
 
 SLOW = True
 TRUE = {"Left": 0.85, "Right": 0.7, "Floor": 0.4}
 WITHIN = {"Left": 0.05, "Right": 0.05, "Floor": 0.04}
-WIDTH, HEIGHT, BUDGET = 64, 48, 60.0
+BUDGET = 60.0  # seconds
 
 
 def corridor() -> bpy.types.Scene:
@@ -51,20 +41,7 @@ def corridor() -> bpy.types.Scene:
 
 
 def run() -> list[Outcome]:
-    scene = corridor()
-    transport = cycles.Transport(64, samples=1024)
-    with (
-        cycles.measuring(scene, camera_of(scene, WIDTH, HEIGHT), transport, seed=77),
-        cycles.changed(scene.cycles, {"filter_width": 1.5, "min_light_bounces": 8}),
-        cycles.openexr(scene),
-        tempfile.TemporaryDirectory() as folder,
-    ):
-        cycles.render(scene, Path(folder) / "photograph.exr")
-        picture = exr.read_rgb(Path(folder) / "photograph.exr")
-    settings = InverseSettings(resolution=WIDTH, budget=BUDGET)
-    seen = prepared(picture, 32, "linear", (WIDTH, HEIGHT), WIDTH)
-    room = Room(scene, groups.find(scene, settings.groups), seen)
-    found = finish(Search(room, seen, settings).run())
+    room, found = searched(corridor(), BUDGET)
     outcomes = []
     for group, model in zip(room.groups, found.models, strict=True):
         value = model.diffuse if group.name == "Floor" else model.specular

@@ -121,7 +121,7 @@ def test_non_negative_least_squares_are_better_than_any_other(
             part = a[:, list(chosen)]
             if np.linalg.cond(part) > 1e4:
                 continue
-            other, *_ = np.linalg.lstsq(part, y)
+            other, *_ = np.linalg.lstsq(part, y, rcond=None)
             if (other >= 0).all():
                 assert gain >= y @ y - ((part @ other - y) ** 2).sum() - 1e-6 * power
 
