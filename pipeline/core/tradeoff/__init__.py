@@ -99,7 +99,8 @@ def measure(
     ----------
     variants : sequence of Variant
     warm_up : bool
-        Whether the lightest variant is done once before, uncounted: that compiles kernels and fills caches.
+        Whether the lightest variant of every method is done once before, uncounted: that compiles kernels and fills
+        caches. Methods are told apart by those settings that are words.
     found : list, optional
         Filled with what is returned, one variant after the other: what is known if this is stopped.
 
@@ -108,8 +109,8 @@ def measure(
     list of (Trial, what the variant's work returned)
     """
     total = sum(variant.weight for variant in variants)
-    if warm_up:
-        for _ in min(variants, key=lambda variant: variant.weight).work():
+    for variant in _lightest(variants) if warm_up else ():
+        for _ in variant.work():
             yield Progress("warm up", 0.0, 100.0, "%")
     found, done = [] if found is None else found, 0.0
     for variant in variants:
@@ -121,6 +122,14 @@ def measure(
         found.append((trial, result))
         yield Progress("try", 100 * done / total, 100.0, "%")
     return found
+
+
+def _lightest(variants: Sequence[Variant]) -> list[Variant]:
+    """Return the lightest variant of every method."""
+    found: dict[tuple[str, ...], Variant] = {}
+    for variant in sorted(variants, key=lambda variant: variant.weight):
+        found.setdefault(tuple(value for value in variant.settings.values() if isinstance(value, str)), variant)
+    return list(found.values())
 
 
 def _tried(done: float, weight: float, total: float, share: float) -> Progress:

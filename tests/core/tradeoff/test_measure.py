@@ -74,9 +74,14 @@ def test_every_variant_is_timed_and_judged_and_the_lightest_once_before_uncounte
                 yield Progress("anything", part + 1, 4)
             return label.upper()
 
-        return Variant(label, {"n": weight}, weight, work, lambda result: {"relight_rel_rmse": float(len(result))})
+        method = "new" if "new" in label else "old"
+        settings = {"n": weight, "method": method}
+        return Variant(label, settings, weight, work, lambda result: {"relight_rel_rmse": float(len(result))})
 
     steps: list[Progress] = []
+    finish(measure([variant("new", 2, 0.0), variant("new, slow", 5, 0.0), variant("old", 1, 0.0)]))
+    assert done[:2] == ["old", "new"] and len(done) == 5
+    done.clear()
     found = finish(measure([variant("slow one", 3, 0.08), variant("quick", 1, 0.0)]), steps.append)
     assert done == ["quick", "slow one", "quick"]
     trials = [trial for trial, _ in found]
