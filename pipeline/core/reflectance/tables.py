@@ -10,6 +10,7 @@ tables and weights), light through the surface, errors of the shape.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -130,7 +131,10 @@ def _weight_equations(sight: Sight, normals: NDArray[np.float64], table: NDArray
         only = np.zeros((len(normals), count, 1))
         only[:, k] = 1.0
         predict(sight.lights, sight.near, sight.points, sight.views, table, normals, only, alone[k])
-    return np.asarray(np.einsum("aplc,bplc,pl->pab", alone, alone, sight.usable, dtype=np.float64, optimize=True))
+    found = np.empty((len(normals), count, count))
+    for a, b in itertools.combinations_with_replacement(range(count), 2):
+        found[:, a, b] = found[:, b, a] = np.einsum("plc,plc,pl->p", alone[a], alone[b], sight.usable)
+    return found
 
 
 def _split(sight: Sight, every: int) -> tuple[Sight, Sight]:
