@@ -74,8 +74,8 @@ def last_time(scene: bpy.types.Scene, name: str) -> float | None:
 def told(preset: Mapping[str, Any]) -> str:
     """Say what a preset takes and gives."""
     error, unit = preset["value"], preset["unit"].replace("degrees", "°")
-    words = "" if error is None else f", {WORDS.get(preset['error'], 'error')} {error:.2g} {unit}"
-    return duration(preset["seconds"]) + words
+    word = bpy.app.translations.pgettext_iface(WORDS.get(preset["error"], "error"))
+    return duration(preset["seconds"]) + ("" if error is None else f", {word} {error:.2g} {unit}")
 
 
 def duration(seconds: float) -> str:

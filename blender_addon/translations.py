@@ -200,6 +200,12 @@ GERMAN = {
     "Thresholds": "Schwellen",
     "Turn": "Drehung",
     "Bounces": "Reflexionen",
+    "noise": "Rauschen",
+    "depth error": "Tiefenfehler",
+    "normal error": "Normalenfehler",
+    "reflectance error": "Reflexionsfehler",
+    "picture error": "Bildfehler",
+    "error": "Fehler",
 }
 
 
