@@ -107,13 +107,13 @@ def test_error_bars_come_however_short_the_budget(box: Path, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_a_dry_run_says_how_sure_reflectances_will_be(box: Path, tmp_path: Path, found: dict[str, Any]) -> None:
     words = ["inverse", str(box / "box.blend"), str(box / "photograph.exr"), "-o", str(tmp_path / "out"), "--dry-run"]
-    words += ["--json", str(tmp_path / "found.json"), "--unknown-lamps", "Side"]
+    words += ["--json", str(tmp_path / "found.json"), "--unknown-lamps", "Side", "--target", "0.05"]
     assert cli.main(words) == 0
     assert not (tmp_path / "out").exists()
     figures = json.loads((tmp_path / "found.json").read_text())
     rows = figures["trials"]
     errors = [row["reflectance_expected_pct"] for row in rows]
-    assert errors == sorted(errors, reverse=True) and errors[0] > errors[-1] > 0
+    assert errors == sorted(errors, reverse=True) and errors[0] > errors[-1] > 0  # no time reaches that target soon
     assert [row["seconds"] for row in rows] == sorted(row["seconds"] for row in rows)
     kept = found["promise"]
     assert kept["error"] == "reflectance_expected_pct" and kept["settings"]["budget"] == 25

@@ -12,7 +12,7 @@ from ...core.tradeoff import Trial
 from .solve import LEVELS_END, WORST, WORTH, Search
 
 BUDGETS = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
-SAMPLES, DAMPING = 32, 0.03  # of the last moves of all groups together
+MOVES, SAMPLES, DAMPING = 3, 32, 0.03  # of all groups together
 ERROR = "reflectance_expected_pct"
 
 
@@ -22,11 +22,12 @@ class Forecast(Search):
     def foretold(self, before: float, after: float) -> Work[list[Trial]]:
         """Take one step of each kind; return what budgets are expected to give.
 
-        The time of a search is that of its first reflectances, of one level for every group that these do not explain,
-        twice, of derivatives, and of moves of all groups together; the deviations that the first move states fall with
-        the root of the number of moves. Groups that get no level in their share of the time count as not recovered.
-        Not foretold: textures, levels that are changed again, what a wrong level of one group does to others, and
-        groups that reflections alone show: these are known when the mirrors are.
+        The time of a search is that of its first reflectances, of a level for every group that these do not explain and
+        for every one that is not explained after moves of all groups together either, of derivatives, and of more such
+        moves; the deviations that the first ones state fall with the root of their number. Groups that get no level in
+        their share of the time count as not recovered. Not foretold: textures, levels that are changed again, what a
+        wrong level of one group does to others, and groups that reflections alone show: these are known when the
+        mirrors are.
 
         Parameters
         ----------
@@ -35,36 +36,39 @@ class Forecast(Search):
         """
         begun = time.perf_counter()
         yield from self._diffuse()
-        residuals = self.evidence.even_residuals()
-        errors = [self.evidence.unexplained(residuals, number) for number in range(len(self.masks))]
-        errors = [0.0 if number in self.room.known else error for number, error in enumerate(errors)]
-        waiting = [number for number, error in enumerate(errors) if error > max(WORTH, WORST * max(errors))]
+        waiting = self._waiting()
         first, level = time.perf_counter() - begun, 0.0
         if waiting:
-            number = max(waiting, key=errors.__getitem__)
             start = time.perf_counter()
-            self._choose(number, (yield from self._examined(number)))
+            self._choose(waiting[0], (yield from self._examined(waiting[0])))
             level = time.perf_counter() - start
         start = time.perf_counter()
         self.evidence.residuals(SAMPLES)
         move = time.perf_counter() - start
         start = time.perf_counter()
-        yield from self._refine("refine", rounds=1, samples=SAMPLES, damping=DAMPING, least=1)
-        slopes = max(time.perf_counter() - start - 2 * move, 0.0)  # it looks back at its last step, too
-        return [
-            self._trial(budget, before + after, first, 2 * level * len(waiting), slopes, move) for budget in BUDGETS
-        ]
+        yield from self._refine("refine", rounds=MOVES, samples=SAMPLES, damping=DAMPING, least=MOVES)
+        slopes = max(time.perf_counter() - start - (MOVES + 1) * move, 0.0)  # it looks back at its last step, too
+        levels = level * (len(waiting) + len(self._waiting()))
+        return [self._trial(budget, before + after, first, levels, slopes, move) for budget in BUDGETS]
+
+    def _waiting(self) -> list[int]:
+        """Return the groups that a search would look for a level of now, the worst first."""
+        residuals = self.evidence.even_residuals()
+        errors = [self.evidence.unexplained(residuals, number) for number in range(len(self.masks))]
+        errors = [0.0 if number in self.room.known else error for number, error in enumerate(errors)]
+        found = [number for number, error in enumerate(errors) if error > max(WORTH, WORST * max(errors))]
+        return sorted(found, key=errors.__getitem__, reverse=True)
 
     def _trial(self, budget: float, beside: float, first: float, levels: float, slopes: float, move: float) -> Trial:
         left = max(budget - beside - first, 0.0)
         done = min(levels, LEVELS_END * left)
         single = 100 * self._seen_uncertainty()
-        most = max((left - done - 2 * slopes) / move, 1.0)
-        enough = max(2 * ((single / self.settings.target) ** 2 - 1), 1.0)  # where the search ends by itself
+        most = max((left - done - 2 * slopes) / move, MOVES)
+        enough = max(MOVES * (single / self.settings.target) ** 2, MOVES)  # where the search ends by itself
         moves = min(most, enough)
         seconds = beside + first + done + 2 * slopes + moves * move
         errors = {
-            ERROR: single / float(np.sqrt(1 + moves / 2)),
+            ERROR: single / float(np.sqrt(moves / MOVES)),
             "recovered_pct": 100 * done / levels if levels else 100,
         }
         return Trial(f"{budget:g} s", {"budget": budget}, seconds, errors)
