@@ -78,11 +78,11 @@ def inverse(
         every = groups.find(loaded, settings.groups)
         room = Room(loaded, every, seen)
         follows = SPARE + _sample_seconds(room) * (FINAL_SAMPLES + len(WAYS) * SAMPLES)
-        left = max(settings.budget - goal.spent - follows, LEAST_SEARCH * settings.budget)
         if dry_run:
             work = Forecast(room, seen, settings).foretold(goal.spent, follows)
             figures.foreseen(choose(run_with_bar(work, one_bar=True), Goal()))
             return
+        left = max(settings.budget - goal.spent - follows, LEAST_SEARCH * settings.budget)
         asked = dataclasses.replace(settings, budget=left)
         search = {"joint": Search, "source": Source}[settings.method](room, seen, asked)
         found, stopped = _searched(search)

@@ -56,6 +56,13 @@ def aim(scene: bpy.types.Scene, place: tuple[float, float, float], angle: float)
     scene.camera = camera
 
 
+def area_lamp(scene: bpy.types.Scene, place: tuple[float, float, float], size: float, watts: float) -> None:
+    """Add a square lamp that shines down."""
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
+    lamp.data.size, lamp.data.energy, lamp.location = size, watts, place
+    scene.collection.objects.link(lamp)
+
+
 def lambert(albedo: float) -> bpy.types.Scene:
     return ball("ShaderNodeBsdfDiffuse", {"Color": (albedo, albedo, albedo, 1)})
 

@@ -39,9 +39,7 @@ def box() -> bpy.types.Scene:
     for name, size, place, albedo in (("Walls", 2.0, (0, 0, 0), WALLS), ("Block", 0.6, (0.2, 0.4, -0.7), BLOCK)):
         bpy.ops.mesh.primitive_cube_add(size=size, location=place)
         bpy.context.object.data.materials.append(small_scenes.diffuse(name, albedo))
-    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
-    lamp.data.size, lamp.data.energy, lamp.location = 0.4, 5.0, (0.0, 0.0, 0.95)
-    scene.collection.objects.link(lamp)
+    small_scenes.area_lamp(scene, (0.0, 0.0, 0.95), 0.4, 5.0)
     small_scenes.aim(scene, (0.0, -0.95, 0.1), 1.4)
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     return scene

@@ -32,9 +32,7 @@ def corridor() -> bpy.types.Scene:
         )
     bpy.ops.mesh.primitive_plane_add(size=1.9)
     bpy.context.object.data.materials.append(small_scenes.diffuse("Floor", TRUE["Floor"]))
-    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
-    lamp.data.size, lamp.data.energy, lamp.location = 0.6, 60.0, (0.0, 0.0, 2.4)
-    scene.collection.objects.link(lamp)
+    small_scenes.area_lamp(scene, (0.0, 0.0, 2.4), 0.6, 60.0)
     small_scenes.aim(scene, (0.4, -2.6, 1.6), 1.0)
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     return scene

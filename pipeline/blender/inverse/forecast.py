@@ -6,13 +6,12 @@ import time
 
 import numpy as np
 
-from ...core.inverse import COLOURED
 from ...core.progress import Work
 from ...core.tradeoff import Trial
-from .solve import LEVELS_END, WORST, WORTH, Search
+from .solve import LAST_DAMPING, LAST_SAMPLES, LEVELS_END, Search
 
 BUDGETS = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
-MOVES, SAMPLES, DAMPING = 3, 32, 0.03  # of all groups together
+MOVES = 3  # of all groups together
 ERROR = "reflectance_expected_pct"
 
 
@@ -43,10 +42,10 @@ class Forecast(Search):
             self._choose(waiting[0], (yield from self._examined(waiting[0])))
             level = time.perf_counter() - start
         start = time.perf_counter()
-        self.evidence.residuals(SAMPLES)
+        self.evidence.residuals(LAST_SAMPLES)
         move = time.perf_counter() - start
         start = time.perf_counter()
-        yield from self._refine("refine", rounds=MOVES, samples=SAMPLES, damping=DAMPING, least=MOVES)
+        yield from self._refine("refine", rounds=MOVES, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=MOVES)
         slopes = max(time.perf_counter() - start - (MOVES + 1) * move, 0.0)  # it looks back at its last step, too
         levels = level * (len(waiting) + len(self._waiting()))
         return [self._trial(budget, before + after, first, levels, slopes, move) for budget in BUDGETS]
@@ -54,15 +53,12 @@ class Forecast(Search):
     def _waiting(self) -> list[int]:
         """Return the groups that a search would look for a level of now, the worst first."""
         residuals = self.evidence.even_residuals()
-        errors = [self.evidence.unexplained(residuals, number) for number in range(len(self.masks))]
-        errors = [0.0 if number in self.room.known else error for number, error in enumerate(errors)]
-        found = [number for number, error in enumerate(errors) if error > max(WORTH, WORST * max(errors))]
-        return sorted(found, key=errors.__getitem__, reverse=True)
+        return self._open([self.evidence.unexplained(residuals, number) for number in range(len(self.masks))])
 
     def _trial(self, budget: float, beside: float, first: float, levels: float, slopes: float, move: float) -> Trial:
         left = max(budget - beside - first, 0.0)
         done = min(levels, LEVELS_END * left)
-        single = 100 * self._seen_uncertainty()
+        single = 100 * self.uncertainty(only_seen=True)
         most = max((left - done - 2 * slopes) / move, MOVES)
         enough = max(MOVES * (single / self.settings.target) ** 2, MOVES)  # where the search ends by itself
         moves = min(most, enough)
@@ -72,9 +68,3 @@ class Forecast(Search):
             "recovered_pct": 100 * done / levels if levels else 100,
         }
         return Trial(f"{budget:g} s", {"budget": budget}, seconds, errors)
-
-    def _seen_uncertainty(self) -> float:
-        """Return the largest relative deviation of what pixels show themselves."""
-        seen = {n: word == "directly" for n, word in enumerate(self.seen)}
-        parts = [max(sd) for (n, kind), sd in self.deviations.items() if kind in COLOURED and seen[n]]
-        return max(parts, default=0.0)

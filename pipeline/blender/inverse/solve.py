@@ -43,6 +43,7 @@ WORTH = 0.03  # relative error of a group below which no richer level is looked 
 LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves more is not explained by lobes
 COARSE = 0.15  # relative error that is left, above which what varies smoothly has a texture: else it may be the light's
 FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
+LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
@@ -109,7 +110,7 @@ class Search:
                 break
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         yield from self._look_again()
-        yield from self._refine("refine", rounds=15, samples=32, damping=0.03, least=1)
+        yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
         return self._found()
 
     def stopped(self) -> Found | None:
@@ -182,12 +183,10 @@ class Search:
         residuals = evidence.even_residuals()
         errors = [evidence.unexplained(residuals, number) for number in range(len(self.masks))]
         waiting = sorted(self.patterned)
-        settled = self.patterned | set(self.room.known)
-        open_errors = [0.0 if number in settled else error for number, error in enumerate(errors)]
         changed = False
-        for number in map(int, np.argsort(open_errors)[::-1]):
-            if open_errors[number] <= max(WORTH, WORST * max(open_errors)) or self._spent() > LEVELS_END:
-                continue
+        for number in self._open(errors):
+            if self._spent() > LEVELS_END:
+                break
             before = self.room.models[number].level
             best = yield from self._examined(number)
             if best.level != before or "alpha" in FREE[before]:  # else all groups together tell its reflectance better
@@ -212,6 +211,12 @@ class Search:
         self._note("levels", self.evidence.residuals(NOTED_SAMPLES))
         self._picture("levels")
         return changed
+
+    def _open(self, errors: list[float]) -> list[int]:
+        """Return the groups whose error asks for another level, the worst first."""
+        settled = self.patterned | set(self.room.known)
+        left = [0.0 if number in settled else error for number, error in enumerate(errors)]
+        return [number for number in map(int, np.argsort(left)[::-1]) if left[number] > max(WORTH, WORST * max(left))]
 
     def _look_again(self) -> Work[None]:
         """Look at lobes and textures again with the surroundings as they are now: the wrong ones bent them before."""
@@ -345,9 +350,10 @@ class Search:
         samples = evidence.samples(PICTURE_SAMPLES)
         self.pictures[stage] = self.room.render(samples, evidence.next_seed(), denoised=True)
 
-    def uncertainty(self) -> float:
-        """Return the largest relative deviation of the reflectances."""
-        parts = [spread for (_, kind), spread in self.deviations.items() if kind in COLOURED]
+    def uncertainty(self, only_seen: bool = False) -> float:
+        """Return the largest relative deviation of the reflectances, of all or of those that pixels show themselves."""
+        counted = [number for number, word in enumerate(self.seen) if word == "directly" or not only_seen]
+        parts = [spread for (n, kind), spread in self.deviations.items() if kind in COLOURED and n in counted]
         return max((max(part) for part in parts), default=0.0)
 
     def _spent(self) -> float:
