@@ -96,19 +96,34 @@ CYCLES: dict[str, Any] = {
 
 @contextlib.contextmanager
 def changed(owner: Any, values: dict[str, Any]) -> Iterator[None]:
-    """Give a bpy struct other values for a while."""
+    """Give a bpy struct other values for a while.
+
+    What is the same already is not set: Cycles would take it for changed, and a sky costs seconds to make anew.
+    """
     with contextlib.ExitStack() as stack:
         for name, value in values.items():
-            stack.callback(setattr, owner, name, getattr(owner, name))
-            setattr(owner, name, value)
+            stack.callback(_set, owner, name, getattr(owner, name))
+            _set(owner, name, value)
         yield
+
+
+def _set(owner: Any, name: str, value: Any) -> None:
+    if getattr(owner, name) != value:
+        setattr(owner, name, value)
 
 
 @contextlib.contextmanager
 def measuring(
-    scene: bpy.types.Scene, camera: Camera, transport: Transport, seed: int = 0, threads: int = 0
+    scene: bpy.types.Scene,
+    camera: Camera,
+    transport: Transport,
+    seed: int = 0,
+    threads: int = 0,
+    world: bpy.types.World | None = None,
 ) -> Iterator[None]:
     """Set a scene up for linear, unfiltered, unclamped pictures of a camera's size and the given light paths.
+
+    No world shines but one that is given.
 
     Blackman-Harris of the smallest width samples pixel centres, to the rounding of float32, so that direct light at
     one sample has no noise. The box ignores its width: Cycles spreads it over the whole pixel, and places the first
@@ -133,7 +148,7 @@ def measuring(
     render |= {"threads_mode": "FIXED", "threads": threads} if threads else {}
     lens = scene.camera.data.dof
     with contextlib.ExitStack() as stack:
-        stack.enter_context(changed(scene, {"world": None}))
+        stack.enter_context(changed(scene, {"world": world}))
         stack.enter_context(changed(scene.render, render))
         stack.enter_context(changed(scene.cycles, CYCLES | devices.cycles_values() | light))
         stack.enter_context(changed(lens, {"use_dof": transport.depth_of_field and lens.use_dof}))

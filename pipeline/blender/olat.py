@@ -34,10 +34,8 @@ def pictures(
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         path = Path(folder) / "picture.exr"
         if lights is None:
-            world = scene.world
-            stack.enter_context(_measuring(scene, camera, transport, seed))
+            stack.enter_context(_measuring(scene, camera, transport, seed, world=scene.world))
             stack.enter_context(cycles.cropped(scene, camera, window))
-            stack.enter_context(cycles.changed(scene, {"world": world}))
             cycles.render(scene, path)
             yield exr.read_rgb(path)
             return
@@ -89,9 +87,10 @@ def _measuring(
     seed: int,
     threads: int = 0,
     pixel_type: str = "float",
+    world: bpy.types.World | None = None,
 ) -> Iterator[None]:
     with (
-        cycles.measuring(scene, camera, transport, seed, threads),
+        cycles.measuring(scene, camera, transport, seed, threads, world),
         cycles.openexr(scene, pixel_type=pixel_type),
         cycles.meshes_cached(scene),
     ):

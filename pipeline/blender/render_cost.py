@@ -56,9 +56,8 @@ def render_seconds(mixtures: Sequence[Mixture]) -> Work[list[float]]:
     transport = cycles.Transport(BOUNCES, samples=SAMPLES)
     with (
         tempfile.TemporaryDirectory() as folder,
-        cycles.measuring(scene, camera, transport),
+        cycles.measuring(scene, camera, transport, world=asset.sky()),
         cycles.changed(scene.cycles, {"device": "CPU"}),  # whose seconds are counted
-        cycles.changed(scene, {"world": asset.sky()}),
         cycles.openexr(scene),
     ):
         for turn in range(REPEATS):

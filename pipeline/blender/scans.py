@@ -19,6 +19,7 @@ from ..core.errors import LightsphereError
 from ..core.shape import Shape
 from ..core.shape.scan import Scan, seen
 from .output import caught_output
+from .unwrap import PROJECTED, unwrap
 
 IMPORTERS: dict[str, Callable[..., Any]] = {
     ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
@@ -32,9 +33,7 @@ IMPORTERS: dict[str, Callable[..., Any]] = {
 }
 KEPT = ("MESH", "EMPTY")  # of what a file brings; empties are parents of meshes
 SHARP = np.radians(40)  # angle of two faces of a mesh without normals from which on the edge between them is sharp
-ISLAND_MARGIN = 0.01  # between charts of a projection, share of the texture
 BEHIND = 1e-4  # how far before a point its own surface may be hit, share of the mesh's extent
-PROJECTED = "Lightsphere"  # UVs of a mesh that had none
 
 
 def load(path: Path, unit: float) -> list[bpy.types.Object]:
@@ -173,14 +172,7 @@ def _complete(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
         data.shade_smooth()
         data.set_sharp_from_angle(angle=SHARP)
     if data.uv_layers.active is None:
-        data.uv_layers.new(name=PROJECTED)
-        scene.view_layers[0].objects.active = item
-        for other in scene.objects:
-            other.select_set(other == item)
-        bpy.ops.object.mode_set(mode="EDIT")
-        bpy.ops.mesh.select_all(action="SELECT")
-        bpy.ops.uv.smart_project(island_margin=ISLAND_MARGIN)
-        bpy.ops.object.mode_set(mode="OBJECT")
+        unwrap(scene, [data])
 
 
 def _uvs(item: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:

@@ -57,6 +57,7 @@ def inverse(
     from ..blender import scene as scenes
     from ..blender.inverse import groups
     from ..blender.inverse.forecast import ERROR, Forecast
+    from ..blender.cycles import changed
     from ..blender.inverse.room import Room
     from ..blender.inverse.solve import Search
     from ..blender.inverse.source import Source
@@ -95,7 +96,8 @@ def inverse(
         output.mkdir(parents=True, exist_ok=True)
         images.write_rgb(output / "rerendered.exr", shown.astype("float32"))
         room.restore([number for number, word in enumerate(found.seen) if word == "not at all"])
-        scenes.save(output / BLEND)
+        with changed(loaded.render, room.own):
+            scenes.save(output / BLEND)
         from ..report.inverse import Results, report
 
         uses = {} if stopped else run_with_bar(pictures(room))

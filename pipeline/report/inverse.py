@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.compare.pictures import picture_error
 from . import figures, html, style
 
+TELLING = 0.02  # relative error of a level, below which noise hides nothing that matters
 STAGES = {
     "diffuse": "Every group diffuse.",
     "lamps": "Lamps found.",
@@ -129,17 +130,23 @@ def _lamps(r: Results) -> str:
     return html.section("What lamps were unknown", html.table(("lamp", "power", "uncertainty"), rows, ()))
 
 
+def _trial(one: dict[str, Any]) -> str:
+    hidden = one["surely_below"] > 2 * max(one["error"], TELLING)
+    return f"{one['level']} {'?' if hidden else f'{100 * one["error"]:.2g} %'}"
+
+
 def _groups(r: Results) -> str:
     heads = ("group", "level", "diffuse", "specular", "slopes, angle", "uncertainty", "seen")
     rows = [_row(name, one) for name, one in r.found["groups"].items()]
     tried = [
-        [name, ", ".join(f"{trial['level']} {100 * trial['error']:.2g} %" for trial in one["tried"])]
+        [name, ", ".join(map(_trial, one["tried"]))]
         for name, one in r.found["groups"].items()
         if one.get("tried")
     ]
     words = (
         "Uncertainty: the standard deviation that render noise causes, the largest of the group's reflectances. Levels "
-        "tried: the relative error that each left in the group's own pixels, with the surroundings as they were then."
+        "tried: the relative error that each left in the group's own pixels, with the surroundings as they were then; "
+        "a question mark where render noise could hide twice that."
     )
     return html.section(
         "What each group reflects",

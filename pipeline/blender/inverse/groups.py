@@ -10,6 +10,7 @@ from ...core.errors import LightsphereError
 from ..geometry import RENDERED
 
 PROPERTY = "lightsphere_group"
+LINKED = "is linked from another file"
 NOT_REFLECTED = {
     "EMISSION": "shines",
     "BSDF_GLASS": "is glass",
@@ -42,7 +43,7 @@ class Group:
 
 
 def find(scene: bpy.types.Scene, by: str) -> list[Group]:
-    """Return the groups of what a render shows, in the order of the scene's objects.
+    """Return the groups of what a render shows, in the order of the scene's objects, then of what these instance.
 
     Raises
     ------
@@ -50,15 +51,13 @@ def find(scene: bpy.types.Scene, by: str) -> list[Group]:
         When nothing is there whose reflectance could be found.
     """
     found: dict[str, Group] = {}
-    for item in scene.objects:
-        if item.type not in RENDERED or item.hide_render:
-            continue
-        if not item.material_slots:
+    for item in _shown(scene):
+        if not item.material_slots and not item.data.library:
             item.data.materials.append(None)
         for number, slot in enumerate(item.material_slots):
             group = found.setdefault(_name(item, slot.material, by), Group(""))
             group.slots.append((item, number))
-            group.kept = group.kept or _beyond_reflection(slot.material)
+            group.kept = group.kept or (LINKED if item.data.library else _beyond_reflection(slot.material))
     for name, group in found.items():
         group.name = name
     groups = list(found.values())
@@ -67,6 +66,14 @@ def find(scene: bpy.types.Scene, by: str) -> list[Group]:
             f"the scene {scene.name!r} shows no surface that only reflects; there is nothing to find"
         )
     return groups
+
+
+def _shown(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the objects with surfaces that a scene shows itself or as instances."""
+    own = [item for item in scene.objects if not item.hide_render]
+    instances = scene.view_layers[0].depsgraph.object_instances
+    instanced = [one.object.original for one in instances if one.is_instance]
+    return [item for item in dict.fromkeys([*own, *instanced]) if item.type in RENDERED]
 
 
 def _name(item: bpy.types.Object, material: bpy.types.Material | None, by: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import FREE, LEVELS, MOST, SHARP, STEPS, Model, moved
+from ...core.inverse import FREE, LEVELS, SHARP, STEPS, Model, moved
 from ...core.inverse.estimate import Fit, better, combined, newton
 from ...core.progress import Progress, Work
 from .room import Room
@@ -40,13 +40,14 @@ class Tried:
     fit: Fit
 
     def as_json(self) -> dict[str, Any]:
-        """Return the level and the relative error it leaves."""
-        return {"level": self.model.level, "error": float(np.sqrt(max(self.fit.error, 0.0)))}
+        """Return the level, the relative error it leaves, and what that is surely below, for all noise."""
+        error, most = (float(np.sqrt(max(value, 0.0))) for value in (self.fit.error, self.fit.surely_below))
+        return {"level": self.model.level, "error": error, "surely_below": most}
 
 
 def simplest(tried: list[Tried]) -> Tried:
     """Return the simplest model that explains a group as well as any."""
-    best = min((one.fit for one in tried), key=lambda fit: fit.error)
+    best = min((one.fit for one in tried), key=lambda fit: fit.surely_below)
     return next(one for one in tried if not better(one.fit, best, WORTH))
 
 
@@ -111,15 +112,15 @@ def examined(
     group = group.anew(2, FINAL)
     diffuse = group.shown(WHITE)
     fit = group.fitted(diffuse)
-    tried = [Tried(Model("diffuse", _within(fit.factors[0]), np.zeros(3)), fit)]
+    tried = [Tried(Model("diffuse", fit.factors[0], np.zeros(3)), fit)]
     shown = diffuse
     for level, lobe in lobes.items():
         if level != "diffuse-specular":  # its lobe is the mirror's
             shown = group.shown(lobe)
         fit = group.fitted(shown) if level == "mirror" else group.fitted(diffuse, shown)
-        rho_d = np.zeros(3) if level == "mirror" else _within(fit.factors[0])
+        rho_d = np.zeros(3) if level == "mirror" else fit.factors[0]
         tried.append(
-            Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=_within(fit.factors[-1])), fit)
+            Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=fit.factors[-1]), fit)
         )
         yield Progress("levels", 1, 2)
     return choose(tried).model, [one.as_json() for one in tried]
@@ -158,7 +159,7 @@ class _Group:
         for lobe in lobes:
             tried.append((lobe, self.fitted(diffuse, self.shown(lobe))))
             yield Progress("levels", 1, 2)
-        return min(tried, key=lambda pair: pair[1].error)
+        return min(tried, key=lambda pair: pair[1].surely_below)
 
     def descended(self, lobe: Model, kinds: Sequence[str]) -> Work[tuple[Model, Fit]]:
         """Return the lobe that steps of Gauss and Newton lead to, each taken only if it leaves less unexplained.
@@ -203,7 +204,3 @@ class _Group:
 
 def _glossy(alpha: float, ratio: float = 1.0, angle: float = 0.0) -> Model:
     return Model("anisotropic", np.zeros(3), np.full(3, HALF), alpha, ratio, angle)
-
-
-def _within(reflectance: Array) -> Array:
-    return np.minimum(reflectance, MOST)

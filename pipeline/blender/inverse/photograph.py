@@ -26,7 +26,7 @@ def photographed(name: str, path: Path, seed: int = SEED, passes: int = PASSES) 
     pictures = []
     for number in range(passes):
         with (
-            cycles.measuring(loaded, camera, transport, seed + number),
+            cycles.measuring(loaded, camera, transport, seed + number, world=loaded.world),
             cycles.changed(loaded.cycles, OWN),
             cycles.openexr(loaded),
             tempfile.TemporaryDirectory() as folder,

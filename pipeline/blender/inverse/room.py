@@ -19,6 +19,7 @@ from ...core.inverse import MOST, POWER, Model, grey, moved
 from ...core.inverse.photograph import Photograph
 from .. import cycles, exr
 from ..camera import camera_of
+from ..unwrap import PROJECTED, unwrap
 from . import closures
 from .groups import Group
 
@@ -59,6 +60,8 @@ class Room:
         Those whose power is looked for.
     known : dict of int to (3,) float64
         Groups whose reflectance is known.
+    own : dict
+        The scene's render settings that are others as long as the room is rendered.
     renders, samples, seconds
         What rendering has cost: pictures, samples of light in all, time.
     """
@@ -70,6 +73,8 @@ class Room:
         if not self.lamps and scene.world is None and not any(group.kept == "shines" for group in groups):
             raise LightsphereError(f"the scene {scene.name!r} has no light; add the lights of the photograph")
         self.scene = scene
+        self.own = {"use_persistent_data": scene.render.use_persistent_data}
+        scene.render.use_persistent_data = True  # between renders, too: a heavy scene is built once
         self.watts = [item.data.energy for item in self.lamps]
         self.powers = [1.0] * len(self.lamps)
         self.free_lamps: list[int] = []
@@ -78,12 +83,14 @@ class Room:
         self.render_like(photograph)
         self.renders, self.samples, self.seconds = 0, 0.0, 0.0
         self.original = [[item.material_slots[n].material for item, n in group.slots] for group in self.groups]
+        for group in self.groups:
+            unwrap(scene, _without_uvs(group))
         self.layers = [_uv_layer(group) for group in self.groups]
         self.areas = [_area(group) for group in self.groups]
         self.steady_bounces = STEADY_BOUNCES[0]
         self.materials = []
         for number, group in enumerate(self.groups):
-            self.materials.append(closures.group_material(group.name, self.layers[number]))
+            self.materials.append(closures.group_material(group.name, "" if self.layers[number] == PROJECTED else self.layers[number]))
             for item, slot in group.slots:
                 item.material_slots[slot].material = self.materials[-1]
         self.models: list[Model] = [grey()] * len(self.groups)
@@ -251,10 +258,8 @@ class Room:
             border = {"use_border": True, "use_crop_to_border": True}
             border |= {"border_min_x": left / width, "border_max_x": right / width}
             border |= {"border_min_y": 1 - bottom / height, "border_max_y": 1 - top / height}
-        world = self.scene.world
         with (
-            cycles.measuring(self.scene, self.camera, transport, seed),
-            cycles.changed(self.scene, {"world": world}),
+            cycles.measuring(self.scene, self.camera, transport, seed, world=self.scene.world),
             cycles.changed(self.scene.cycles, own),
             cycles.changed(self.scene.render, border),
         ):
@@ -269,6 +274,13 @@ def _area(group: Group) -> float:
             scale = abs(item.matrix_world.determinant()) ** (2 / 3)
             total += scale * sum(part.area for part in item.data.polygons if part.material_index == slot)
     return total
+
+
+def _without_uvs(group: Group) -> list[bpy.types.Mesh]:
+    """Return the meshes of a group that is made of nothing else, if none of them has UVs."""
+    meshes = {item.data.name: item.data for item, _ in group.slots if item.type == "MESH"}
+    bare = [mesh for mesh in meshes.values() if mesh.polygons and not mesh.uv_layers]
+    return bare if len(bare) == len({item.data.name for item, _ in group.slots}) else []
 
 
 def _uv_layer(group: Group) -> str:

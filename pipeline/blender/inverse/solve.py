@@ -203,14 +203,13 @@ class Search:
         plain = [number for number, is_fine in fine.items() if is_fine and self._help(number) > NO_HELP]
         still = [number for number in waiting if errors[number] > (WORTH if fine[number] else COARSE)]
         if chosen := sorted(plain if changed else still, key=self._left)[-1:]:
-            self.tried[chosen[0]].append({"level": "texture", "error": 0.0})
             self._choose(chosen[0], Model("texture", np.ones(3), np.zeros(3)))
-            paint(self.evidence, chosen[0])
+            self._paint(chosen[0])
             self.patterned.clear()  # the others may look otherwise now
             changed = True
         self._note("levels", self.evidence.residuals(NOTED_SAMPLES))
         self._picture("levels")
-        return changed
+        return changed or len(self.patterned) > len(waiting)  # one that waits now is heard in the next round
 
     def _open(self, errors: list[float]) -> list[int]:
         """Return the groups whose error asks for another level, the worst first."""
@@ -261,18 +260,23 @@ class Search:
 
     def _left(self, number: int) -> float:
         """Return the relative error that the best lobe leaves of a group."""
-        return float(min(one["error"] for one in self.tried[number]))
+        best: float = min(self.tried[number], key=lambda one: one["surely_below"])["error"]
+        return best
 
     def _help(self, number: int) -> float:
         """Return what share of a diffuse group's error the best lobe leaves."""
         return self._left(number) / max(self.tried[number][0]["error"], 1e-12)
 
+    def _paint(self, number: int) -> None:
+        """Give a group's pixels the texture that they show; it leaves no error by its making."""
+        self.tried[number].append({"level": "texture", "error": 0.0, "surely_below": 0.0})
+        paint(self.evidence, number)
+
     def _paint_if_needed(self, number: int) -> Work[None]:
         """Paint a texture anew with the surroundings as they are now, unless one reflectance explains the group now."""
         plain = yield from self._examined(number, most="diffuse")
         if self._left(number) > WORTH:
-            self.tried[number].append({"level": "texture", "error": 0.0})
-            paint(self.evidence, number)
+            self._paint(number)
         else:
             self._choose(number, plain)
 

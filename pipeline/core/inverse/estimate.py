@@ -12,11 +12,16 @@ not count, and where the model is right it is 0 in the mean.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import MOST
+
 Array = NDArray[np.float64]
+AGREEING = 0.03  # correlation of two seeds' pictures, below which they are noise
+SURE = 2.5  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,11 @@ class Fit:
     factors: Array
     error: float
     noise: float
+
+    @property
+    def surely_below(self) -> float:
+        """What the error is below, noise considered: an error that is mostly noise is no small one."""
+        return self.error + SURE * self.noise
 
 
 def unexplained(residuals: Array, weight: Array) -> tuple[float, float]:
@@ -72,7 +82,10 @@ def noiseless_rmse(residuals: Array, photograph: Array, used: NDArray[np.bool_])
 
 
 def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
-    """Fit a photograph by basis pictures of two seeds, with factors that are not negative.
+    """Fit a photograph by basis pictures of two seeds, with factors that reflectances can have.
+
+    What both seeds do not agree on is nothing that a photograph can tell, and has the factor 0: a mirror's picture of a
+    lamp without size is all noise.
 
     Parameters
     ----------
@@ -85,33 +98,34 @@ def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
         first, second = bases[0, :, :, colour], bases[1, :, :, colour]
         y, w = photograph[:, colour], weight[:, colour]
         normal = (first * w) @ second.T
-        factors[:, colour] = _non_negative((normal + normal.T) / 2, ((first + second) / 2 * w) @ y)
+        power = np.sqrt((w * first**2).sum(axis=1) * (w * second**2).sum(axis=1))
+        told = np.flatnonzero(np.diag(normal) > AGREEING * power)
+        symmetric = ((normal + normal.T) / 2)[np.ix_(told, told)]
+        factors[told, colour] = _bounded(symmetric, ((first + second) / 2 * w)[told] @ y)
     residuals = photograph - np.einsum("snpc,nc->spc", bases, factors)
     return Fit(factors, *unexplained(residuals, weight))
 
 
-def _non_negative(normal: Array, right: Array) -> Array:
-    """Solve normal x = right for x >= 0 of one or two unknowns, by trying which are 0."""
+def _bounded(normal: Array, right: Array) -> Array:
+    """Solve normal x = right for 0 <= x <= MOST of one or two unknowns, by trying which are at a bound."""
     best, least = np.zeros(len(right)), 0.0
-    for chosen in range(1, 2 ** len(right)):
-        kept = [i for i in range(len(right)) if chosen >> i & 1]
-        part = normal[np.ix_(kept, kept)]
-        if np.linalg.cond(part) > 1e12:
-            continue
-        x = np.linalg.solve(part, right[kept])
-        if (x < 0).any():
-            continue
-        value = float(x @ part @ x - 2 * right[kept] @ x)
-        if value < least:
-            least = value
-            best = np.zeros(len(right))
-            best[kept] = x
+    for held in product((None, 0.0, MOST), repeat=len(right)):
+        free = np.array([value is None for value in held], bool)
+        x = np.array([value or 0.0 for value in held])
+        part = normal[np.ix_(free, free)]
+        if free.any():
+            if np.linalg.cond(part) > 1e12:
+                continue
+            x[free] = np.linalg.solve(part, (right - normal @ x)[free])
+        value = float(x @ normal @ x - 2 * right @ x)
+        if (x >= 0).all() and (x <= MOST).all() and value < least:
+            best, least = x, value
     return best
 
 
 def better(simple: Fit, rich: Fit, worth: float) -> bool:
     """Return whether a richer model explains more than render noise does, and by more than a worth (mean square)."""
-    return simple.error - rich.error > max(2.5 * float(np.hypot(simple.noise, rich.noise)), worth)
+    return simple.error - rich.error > max(SURE * float(np.hypot(simple.noise, rich.noise)), worth)
 
 
 def normal_equations(jacobians: Array, weight: Array) -> Array:
