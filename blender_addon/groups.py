@@ -10,6 +10,7 @@ import bpy
 
 from ..pipeline.blender.inverse import groups as surfaces
 from ..pipeline.core.errors import LightsphereError
+from ..pipeline.core.inverse import uncertainty
 
 FIGURES = "inverse.json"
 RECOVERED = "recovered.blend"
@@ -68,14 +69,14 @@ def told(found: dict[str, Any]) -> str:
     """Say what was found of a group: its level, its reflectances and how sure they are."""
     if found["level"] == "kept":
         return f"keeps its material: {found['why']}"
-    spread = found.get("deviation", {})
     words = [found["level"]]
     for kind, name in (("diffuse", "rho_d"), ("specular", "rho_s")):
         if name in found:
-            bar = f" ± {100 * max(spread[kind]):.1f} %" if spread.get(kind) else ""
-            words.append(f"{kind} " + " ".join(f"{value:.2f}" for value in found[name]) + bar)
+            words.append(f"{kind} " + " ".join(f"{value:.2f}" for value in found[name]))
     if "alpha_x" in found:
         words.append(f"slopes {found['alpha_x']:.3f} {found['alpha_y']:.3f}")
+    if found.get("deviation"):
+        words.append(f"± {100 * uncertainty(found):.1f} %")
     return ", ".join(words)
 
 

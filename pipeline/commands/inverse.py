@@ -55,9 +55,9 @@ def inverse(
     --budget; the closing line says what was obtained of both.
     """
     from ..blender import scene as scenes
+    from ..blender.cycles import changed
     from ..blender.inverse import groups
     from ..blender.inverse.forecast import ERROR, Forecast
-    from ..blender.cycles import changed
     from ..blender.inverse.room import Room
     from ..blender.inverse.solve import Search
     from ..blender.inverse.source import Source

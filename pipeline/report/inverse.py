@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..core.compare.pictures import picture_error
+from ..core.inverse import uncertainty
 from . import figures, html, style
 
 TELLING = 0.02  # relative error of a level, below which noise hides nothing that matters
@@ -132,19 +133,19 @@ def _lamps(r: Results) -> str:
 
 def _trial(one: dict[str, Any]) -> str:
     hidden = one["surely_below"] > 2 * max(one["error"], TELLING)
-    return f"{one['level']} {'?' if hidden else f'{100 * one["error"]:.2g} %'}"
+    left = "?" if hidden else f"{100 * one['error']:.2g} %"
+    return f"{one['level']} {left}"
 
 
 def _groups(r: Results) -> str:
     heads = ("group", "level", "diffuse", "specular", "slopes, angle", "uncertainty", "seen")
     rows = [_row(name, one) for name, one in r.found["groups"].items()]
     tried = [
-        [name, ", ".join(map(_trial, one["tried"]))]
-        for name, one in r.found["groups"].items()
-        if one.get("tried")
+        [name, ", ".join(map(_trial, one["tried"]))] for name, one in r.found["groups"].items() if one.get("tried")
     ]
     words = (
-        "Uncertainty: the standard deviation that render noise causes, the largest of the group's reflectances. Levels "
+        "Uncertainty: the standard deviation that render noise causes, the largest of the group's reflectances, faint "
+        "ones beside a twentieth of its brightest. Levels "
         "tried: the relative error that each left in the group's own pixels, with the surroundings as they were then; "
         "a question mark where render noise could hide twice that."
     )
@@ -163,8 +164,7 @@ def _row(name: str, one: dict[str, Any]) -> list[str]:
     slopes = f"{one['alpha_x']:.3f} {one['alpha_y']:.3f}" if "alpha_x" in one else ""
     if "angle" in one:
         slopes += f", {one['angle']:.0f}°"
-    spread = [value for kind in ("diffuse", "specular") for value in one.get("deviation", {}).get(kind, ())]
-    uncertain = f"{100 * max(spread):.2g} %" if spread else ""
+    uncertain = f"{100 * uncertainty(one):.2g} %" if one.get("deviation") else ""
     seen = one.get("why") or f"{one['seen']}, {one['pixels']} pixels" + (", known" if one.get("known") else "")
     diffuse = "texture" if one["level"] == "texture" else colour("rho_d")
     return [name, one["level"], diffuse, colour("rho_s"), slopes, uncertain, seen]

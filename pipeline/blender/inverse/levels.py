@@ -119,9 +119,7 @@ def examined(
             shown = group.shown(lobe)
         fit = group.fitted(shown) if level == "mirror" else group.fitted(diffuse, shown)
         rho_d = np.zeros(3) if level == "mirror" else fit.factors[0]
-        tried.append(
-            Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=fit.factors[-1]), fit)
-        )
+        tried.append(Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=fit.factors[-1]), fit))
         yield Progress("levels", 1, 2)
     return choose(tried).model, [one.as_json() for one in tried]
 

@@ -90,7 +90,9 @@ class Room:
         self.steady_bounces = STEADY_BOUNCES[0]
         self.materials = []
         for number, group in enumerate(self.groups):
-            self.materials.append(closures.group_material(group.name, "" if self.layers[number] == PROJECTED else self.layers[number]))
+            self.materials.append(
+                closures.group_material(group.name, "" if self.layers[number] == PROJECTED else self.layers[number])
+            )
             for item, slot in group.slots:
                 item.material_slots[slot].material = self.materials[-1]
         self.models: list[Model] = [grey()] * len(self.groups)

@@ -20,6 +20,7 @@ from ...core.inverse import (
     Model,
     known_reflectances,
     moved,
+    uncertainty,
 )
 from ...core.inverse.estimate import noiseless_rmse
 from ...core.inverse.photograph import Photograph
@@ -123,10 +124,7 @@ class Search:
 
     def _found(self) -> Found:
         room = self.room
-        spread = [
-            {kind: sd for (n, kind), sd in self.deviations.items() if n == number and kind != POWER}
-            for number in range(len(room.groups))
-        ]
+        spread = [self._deviation(number) for number in range(len(room.groups))]
         lamps = [
             {
                 "name": room.lamps[number].name,
@@ -222,7 +220,7 @@ class Search:
         for number, model in enumerate(self.room.models):
             if model.level == "texture":
                 yield from self._paint_if_needed(number)
-            elif "alpha" in FREE[model.level]:
+            elif "specular" in FREE[model.level]:
                 best = yield from self._examined(number, closer=CLOSER)
                 self._choose(number, best)
 
@@ -357,8 +355,14 @@ class Search:
     def uncertainty(self, only_seen: bool = False) -> float:
         """Return the largest relative deviation of the reflectances, of all or of those that pixels show themselves."""
         counted = [number for number, word in enumerate(self.seen) if word == "directly" or not only_seen]
-        parts = [spread for (n, kind), spread in self.deviations.items() if kind in COLOURED and n in counted]
-        return max((max(part) for part in parts), default=0.0)
+        return max(
+            (uncertainty(self.room.models[n].as_json() | {"deviation": self._deviation(n)}) for n in counted),
+            default=0.0,
+        )
+
+    def _deviation(self, number: int) -> dict[str, list[float]]:
+        """Return the deviations of a group's parameters."""
+        return {kind: sd for (n, kind), sd in self.deviations.items() if n == number and kind != POWER}
 
     def _spent(self) -> float:
         """Return what share of the budget is spent."""

@@ -15,6 +15,7 @@ Boivin and Gagalowicz 2001 name the hierarchy; Ward's lobe there is Beckmann's h
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,7 @@ FREE = {
 POWER = "power"  # the one parameter of a lamp
 COLOURED = ("diffuse", "specular")  # parameters with a value for every colour; the others serve all three
 SHARP = 1e-3  # alpha of a mirror: below it Cycles' float32 half vectors are too coarse
+FAINT = 0.05
 LEAST, MOST = 1e-3, 0.98  # reflectances: nothing is dropped from the render, and light fades
 ALPHAS = (SHARP, 0.7)
 RATIOS = (1.0, 30.0)  # of the larger alpha over the smaller
@@ -122,6 +124,27 @@ class Model:
         if "angle" in FREE[self.level]:
             values["angle"] = self.angle
         return values
+
+
+def uncertainty(found: Mapping[str, Any]) -> float:
+    """Return the largest relative deviation of what a surface reflects, 0 where none is stated.
+
+    What is faint beside the surface's largest reflectance, and could be nothing at all, counts by what it is beside
+    FAINT of that.
+
+    Parameters
+    ----------
+    found : mapping
+        ``rho_d`` and ``rho_s`` (3,) as :meth:`Model.as_json` has them, where the surface has them, and ``deviation``,
+        of kinds of parameters to relative deviations (3,).
+    """
+    spread = found.get("deviation", {})
+    values = {kind: np.asarray(found[f"rho_{kind[0]}"]) for kind in COLOURED if f"rho_{kind[0]}" in found}
+    least = FAINT * max((value.max() for value in values.values()), default=0.0)
+    parts = [
+        np.asarray(spread[kind]) * value / np.maximum(value, least) for kind, value in values.items() if kind in spread
+    ]
+    return max((float(part.max()) for part in parts), default=0.0)
 
 
 def thresholds(text: str) -> tuple[float, float, float, float]:
