@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..core.compare.pictures import picture_error
-from ..core.inverse import uncertainty
+from ..core.inverse import GGX, uncertainty
 from . import figures, html, style
 
 TELLING = 0.02  # relative error of a level, below which noise hides nothing that matters
@@ -162,6 +162,8 @@ def _row(name: str, one: dict[str, Any]) -> list[str]:
         return " ".join(f"{value:.3f}" for value in one[key]) if key in one else ""
 
     slopes = f"{one['alpha_x']:.3f} {one['alpha_y']:.3f}" if "alpha_x" in one else ""
+    if one.get("distribution") == GGX:
+        slopes += " GGX"
     if "angle" in one:
         slopes += f", {one['angle']:.0f}°"
     uncertain = f"{100 * uncertainty(one):.2g} %" if one.get("deviation") else ""

@@ -1,4 +1,4 @@
-"""The model of a group as nodes: a diffuse and a glossy Beckmann closure, whose values are set in place."""
+"""The model of a group as nodes: a diffuse and a glossy closure, whose values are set in place."""
 
 from __future__ import annotations
 
@@ -35,6 +35,8 @@ def show(material: bpy.types.Material, model: Model) -> None:
     _set(nodes[DIFFUSE].inputs["Color"], model.diffuse)
     glossy = nodes[GLOSSY].inputs
     _set(glossy["Color"], model.specular)
+    if nodes[GLOSSY].distribution != model.distribution.upper():  # else Cycles would compile the shader anew
+        nodes[GLOSSY].distribution = model.distribution.upper()
     along, across = model.alphas
     glossy["Roughness"].default_value = float((along * across) ** 0.25)
     glossy["Anisotropy"].default_value = float(1 - np.sqrt(along / across))

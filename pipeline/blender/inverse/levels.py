@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import FREE, LEVELS, SHARP, STEPS, Model, moved
+from ...core.inverse import DISTRIBUTIONS, FREE, LEVELS, SHARP, STEPS, Model, moved
 from ...core.inverse.estimate import Fit, better, combined, newton
 from ...core.progress import Progress, Work
 from .room import Room
@@ -22,6 +22,7 @@ ANGLES = np.arange(0.0, 180.0, 30.0)
 RATIO, WIDER = 4.0, 1.6  # at which angles are scanned, and factor between the slopes at which they are
 SHAPES = ("alpha", "ratio", "angle")
 LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, degrees
+TAILED = 0.8  # of Beckmann's slope, where the descent to a distribution of longer tails begins
 STEPS_DOWN, DAMPING, SETTLED = 5, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
@@ -62,6 +63,7 @@ def examined(
     choose: Callable[[list[Tried]], Tried] = simplest,
     denoised: bool = False,
     closer: int = 1,
+    distributions: Sequence[str] = DISTRIBUTIONS,
 ) -> Work[tuple[Model, list[dict[str, Any]]]]:
     """Return the model of a group that is chosen of the best of every level, and what was tried, diffuse first.
 
@@ -88,6 +90,8 @@ def examined(
         Whether pictures are; noise is then no longer independent of the seed.
     closer : int
         Times the samples by which lobes are moved.
+    distributions : sequence of str
+        Of slopes that a lobe may have: the first, or another that explains more.
     """
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
     levels = LEVELS[: LEVELS.index(most) + 1]
@@ -101,14 +105,14 @@ def examined(
         best, fit = yield from group.best(diffuse, [*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
         has_lobe = better(plain, fit, WORTH) and fit.error < sharp.error
         if has_lobe:
-            best, fit = yield from group.anew(1, closer).descended(best, ("alpha",))
+            best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
         lobes["isotropic"] = best
         if "anisotropic" in levels and has_lobe:
             wide = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
             trials = [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in ANGLES]
             brushed, found = yield from group.best(diffuse, [*trials, *(one for one in known if one.ratio > 1)])
             if better(fit, found, WORTH):
-                lobes["anisotropic"], _ = yield from group.anew(1, closer).descended(brushed, SHAPES)
+                lobes["anisotropic"], _ = yield from group.anew(1, closer).shaped(brushed, SHAPES, distributions)
     group = group.anew(2, FINAL)
     diffuse = group.shown(WHITE)
     fit = group.fitted(diffuse)
@@ -158,6 +162,16 @@ class _Group:
             tried.append((lobe, self.fitted(diffuse, self.shown(lobe))))
             yield Progress("levels", 1, 2)
         return min(tried, key=lambda pair: pair[1].surely_below)
+
+    def shaped(self, lobe: Model, kinds: Sequence[str], distributions: Sequence[str]) -> Work[tuple[Model, Fit]]:
+        """Return the lobe that is descended to from one, of the first distribution that no later one surely beats."""
+        best, least = yield from self.descended(dataclasses.replace(lobe, distribution=distributions[0]), kinds)
+        for distribution in distributions[1:]:
+            start = dataclasses.replace(best, distribution=distribution, alpha=TAILED * best.alpha)
+            found, fit = yield from self.descended(start, kinds)
+            if better(least, fit, 0.0):
+                best, least = found, fit
+        return best, least
 
     def descended(self, lobe: Model, kinds: Sequence[str]) -> Work[tuple[Model, Fit]]:
         """Return the lobe that steps of Gauss and Newton lead to, each taken only if it leaves less unexplained.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...core.errors import LightsphereError
 from ...core.inverse import (
     COLOURED,
+    DISTRIBUTIONS,
     FREE,
     LEVELS,
     POWER,
@@ -66,6 +67,8 @@ class Search:
     LightsphereError
         For known reflectances or unknown lamps that the room does not have.
     """
+
+    distributions: tuple[str, ...] = DISTRIBUTIONS
 
     def __init__(self, room: Room, photograph: Photograph, settings: InverseSettings) -> None:
         self.room, self.settings = room, settings
@@ -250,8 +253,9 @@ class Search:
         if self.settings.levels != "all":
             most = min(most, self.settings.levels, key=LEVELS.index)
         self.room.paint(number, None)
-        mask, weight = self.masks[number], evidence.weight
-        work = examined(self.room, number, mask, evidence.photograph, weight, most, seeds, choose, denoised, closer)
+        mask, weight, photograph = self.masks[number], evidence.weight, evidence.photograph
+        rest = (choose, denoised, closer, self.distributions)
+        work = examined(self.room, number, mask, photograph, weight, most, seeds, *rest)
         words = f"levels of {self.room.groups[number].name}"
         model, self.tried[number] = yield from retold(work, partial(self._told, words))
         return model
@@ -353,8 +357,9 @@ class Search:
         self.pictures[stage] = self.room.render(samples, evidence.next_seed(), denoised=True)
 
     def uncertainty(self, only_seen: bool = False) -> float:
-        """Return the largest relative deviation of the reflectances, of all or of those that pixels show themselves."""
-        counted = [number for number, word in enumerate(self.seen) if word == "directly" or not only_seen]
+        """Return the largest relative deviation of the reflectances, of what the picture tells of, or shows itself."""
+        told = ("directly",) if only_seen else ("directly", "in reflections")
+        counted = [number for number, word in enumerate(self.seen) if word in told]
         return max(
             (uncertainty(self.room.models[n].as_json() | {"deviation": self._deviation(n)}) for n in counted),
             default=0.0,

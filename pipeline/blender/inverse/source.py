@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import LightsphereError
-from ...core.inverse import FREE, InverseSettings, Model, moved, thresholds
+from ...core.inverse import BECKMANN, FREE, InverseSettings, Model, moved, thresholds
 from ...core.inverse.photograph import Photograph
 from ...core.inverse.texture import reflectance_map, sharpened
 from ...core.progress import Work
@@ -36,6 +36,8 @@ class Source(Search):
     LightsphereError
         For lamps of unknown power, and thresholds that are none.
     """
+
+    distributions = (BECKMANN,)  # the nearest to Ward's lobe
 
     def __init__(self, room: Room, photograph: Photograph, settings: InverseSettings) -> None:
         super().__init__(room, photograph, settings)

@@ -5,11 +5,12 @@ Surfaces that share a reflectance are a group. Every group has a model of a leve
     diffuse           rho_d
     mirror            rho_s, as sharp as Cycles can
     diffuse-specular  rho_d and a sharp rho_s
-    isotropic         rho_d, rho_s and the root mean square slope alpha of a Beckmann lobe
+    isotropic         rho_d, rho_s and the slope alpha of a lobe, Beckmann's or, of longer tails, GGX
     anisotropic       alpha along and across a direction of the texture's U
     texture           rho_d of every texel
 
 Boivin and Gagalowicz 2001 name the hierarchy; Ward's lobe there is Beckmann's here, which Cycles has.
+GGX: Walter et al. 2007; many polished and painted things have its tails.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ FREE = {
     "anisotropic": ("diffuse", "specular", "alpha", "ratio", "angle"),
     "texture": ("diffuse",),
 }
+BECKMANN, GGX = DISTRIBUTIONS = ("beckmann", "ggx")
 POWER = "power"  # the one parameter of a lamp
 COLOURED = ("diffuse", "specular")  # parameters with a value for every colour; the others serve all three
 SHARP = 1e-3  # alpha of a mirror: below it Cycles' float32 half vectors are too coarse
@@ -93,11 +95,13 @@ class Model:
     diffuse, specular : (3,) float64
         Reflectances; of a texture the factor of its texels.
     alpha : float
-        Root mean square slope, the geometric mean of both directions.
+        Root mean square slope of Beckmann's lobe, the width of GGX; the geometric mean of both directions.
     ratio : float
         Of the slope across the brushing over that along it, 1 and above.
     angle : float
         From the texture's U to the brushing [degrees].
+    distribution : str
+        Of the lobe's slopes, one of DISTRIBUTIONS.
     """
 
     level: str
@@ -106,6 +110,7 @@ class Model:
     alpha: float = SHARP
     ratio: float = 1.0
     angle: float = 0.0
+    distribution: str = BECKMANN
 
     @property
     def alphas(self) -> tuple[float, float]:
@@ -121,6 +126,7 @@ class Model:
                 values[f"rho_{name[0]}"] = getattr(self, name).tolist()
         if "alpha" in FREE[self.level]:
             values["alpha_x"], values["alpha_y"] = self.alphas
+            values["distribution"] = self.distribution
         if "angle" in FREE[self.level]:
             values["angle"] = self.angle
         return values

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from . import MOST
 
 Array = NDArray[np.float64]
-AGREEING = 0.03  # correlation of two seeds' pictures, below which they are noise
+AGREEING = 0.03  # correlation of two seeds' pictures, above which they are more than noise
 SURE = 2.5  # standard deviations
 
 
@@ -81,6 +81,24 @@ def noiseless_rmse(residuals: Array, photograph: Array, used: NDArray[np.bool_])
     return float(np.sqrt(max(mean_square, 0.0) / (photograph[used] ** 2).mean()))
 
 
+def agreed(first: Array, second: Array, weight: Array) -> NDArray[np.bool_]:
+    """Return which of some pictures by two seeds (N, P) are more than noise, (N,).
+
+    Those whose seeds correlate, be it in a few bright pixels, and those whose faint agreement is spread over so many
+    pixels that it is no chance.
+
+    Parameters
+    ----------
+    first, second : (N, P) float64
+    weight : (P,) float64
+    """
+    products = first * second * weight
+    power = np.sqrt((first**2 * weight).sum(axis=1) * (second**2 * weight).sum(axis=1))
+    chance = np.sqrt((products**2).sum(axis=1))
+    total = products.sum(axis=1)
+    return np.asarray((total > AGREEING * power) | (total > SURE * chance))
+
+
 def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
     """Fit a photograph by basis pictures of two seeds, with factors that reflectances can have.
 
@@ -98,8 +116,7 @@ def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
         first, second = bases[0, :, :, colour], bases[1, :, :, colour]
         y, w = photograph[:, colour], weight[:, colour]
         normal = (first * w) @ second.T
-        power = np.sqrt((w * first**2).sum(axis=1) * (w * second**2).sum(axis=1))
-        told = np.flatnonzero(np.diag(normal) > AGREEING * power)
+        told = np.flatnonzero(agreed(first, second, w))
         symmetric = ((normal + normal.T) / 2)[np.ix_(told, told)]
         factors[told, colour] = _bounded(symmetric, ((first + second) / 2 * w)[told] @ y)
     residuals = photograph - np.einsum("snpc,nc->spc", bases, factors)
@@ -147,9 +164,16 @@ def newton(
         Photograph less render, by two other seeds, or the same: then each seed's derivatives meet the other's residual.
     weight : (N,) float64
     damping : float
-        Share of the diagonal that is added: unknowns that nothing shows stay.
+        Share of the diagonal that is added.
+
+    Returns
+    -------
+    (U,), (U,) float64
+        An unknown whose derivatives are noise stays as it is, and has the deviation 1.
     """
-    first, second = jacobians
+    told = agreed(jacobians[0], jacobians[1], weight)
+    step, deviation = np.zeros(len(told)), np.ones(len(told))
+    first, second = jacobians = jacobians[:, told]
     normal = normal_equations(jacobians, weight)
     scale = np.maximum(np.diag(normal), 1e-30 + 1e-9 * np.abs(np.diag(normal)).max())
     normal = normal + np.diag(damping * scale)
@@ -158,6 +182,7 @@ def newton(
         right = ((first * weight) @ residuals[1] + (second * weight) @ residuals[0]) / 2
     else:
         right = (mean * weight) @ residuals.mean(axis=0)
-    step = np.linalg.solve(normal, right)
+    step[told] = np.linalg.solve(normal, right)
     spread = np.linalg.solve(normal, mean * (weight * (residuals[0] - residuals[1]) / 2))
-    return step, np.sqrt((spread**2).sum(axis=1))
+    deviation[told] = np.sqrt((spread**2).sum(axis=1))
+    return step, deviation
