@@ -61,7 +61,7 @@ def bring(scene: bpy.types.Scene, folder: Path) -> str:
             items[name].recovered = loaded[one["material"]]
             items[name].recovered.use_fake_user = True  # kept with the file until it is applied
     words = f"{len(items)} groups; the picture is rendered but for {100 * figures['rerendered_rel_rmse']:.2g} %"
-    lamps = ", ".join(f"{lamp['name']} has {lamp['watts']:.3g} W" for lamp in figures["lamps"])
+    lamps = ", ".join(f"{lamp['name']} has {lamp['power']:.3g} {lamp['unit']}" for lamp in figures["lamps"])
     return f"{words}; {lamps}" if lamps else words
 
 

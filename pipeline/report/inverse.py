@@ -125,7 +125,11 @@ def _lamps(r: Results) -> str:
     if not r.found["lamps"]:
         return ""
     rows = [
-        [lamp["name"], f"{lamp['watts']:.4g}", f"{100 * lamp['deviation']:.2g} %" if lamp["deviation"] else ""]
+        [
+            lamp["name"],
+            f"{lamp['power']:.4g} {lamp['unit']}",
+            f"{100 * lamp['deviation']:.2g} %" if lamp["deviation"] else "",
+        ]
         for lamp in r.found["lamps"]
     ]
     return html.section("What lamps were unknown", html.table(("lamp", "power", "uncertainty"), rows, ()))

@@ -87,10 +87,10 @@ def test_every_wall_has_its_reflectance(found: dict[str, Any]) -> None:
 def test_the_lamp_has_its_power(found: dict[str, Any], box: Path) -> None:
     (lamp,) = found["lamps"]
     assert lamp["name"] == "Side"
-    assert lamp["watts"] == pytest.approx(SIDE, rel=WITHIN)  # 4 times as much in the file
+    assert lamp["power"] == pytest.approx(SIDE, rel=WITHIN)  # 4 times as much in the file
     assert 0 < lamp["deviation"] < WITHIN
     scenes.load(str(box / "out" / "recovered.blend"))
-    assert bpy.data.lights["Side"].energy == pytest.approx(lamp["watts"])
+    assert bpy.data.lights["Side"].energy == pytest.approx(lamp["power"])
 
 
 def test_error_bars_come_however_short_the_budget(box: Path, tmp_path: Path) -> None:

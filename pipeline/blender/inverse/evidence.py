@@ -32,7 +32,7 @@ class Evidence:
     ----------
     photograph : (H, W, 3) float64
     index : (H, W) int
-        Which group each pixel shows, -1 for none.
+        What each pixel shows, see :meth:`Room.layers_of_pixels`.
     uv : (H, W, 2) float64
     masks : list of (H, W) bool
         Each group's trusted pixels that are not at an edge.
@@ -43,7 +43,7 @@ class Evidence:
         self.room = room
         self.photograph = photograph.pixels
         self.index, self.uv = room.layers_of_pixels()
-        self._trusted = photograph.trusted & (self.index >= 0)
+        self._trusted = photograph.trusted & ((self.index >= 0) | self.shines())
         kept = self._trusted & inner(self.index)
         count = len(room.groups)
         for number in range(count):  # a group that is all edge keeps its pixels
@@ -52,6 +52,12 @@ class Evidence:
         self.masks = [kept & (self.index == number) for number in range(count)]
         self.weight = weights(self.photograph) * kept[..., None]
         self._seed = 0
+
+    def shines(self) -> NDArray[np.bool_]:
+        """Return the pixels that show what shines with a power that is looked for, (H, W): they tell it outright."""
+        room = self.room
+        numbers = [-1 if room.lamps[lamp].is_world else -3 - lamp for lamp in room.free_lamps]
+        return np.asarray(np.isin(self.index, numbers))
 
     def next_seed(self) -> int:
         """Return a seed that no render had before."""

@@ -29,7 +29,7 @@ class Found:
     tried : list of list of dict
         Levels that were tried, each with its relative error.
     lamps : list of dict
-        ``name``, ``watts`` and relative ``deviation`` of the lamps whose power was looked for.
+        ``name``, ``power``, ``unit`` and relative ``deviation`` of the lamps whose power was looked for.
     history : list of dict
         After every step: ``stage``, ``seconds``, ``error`` (relative, render noise taken off), and ``diffuse``, what
         each group reflects.

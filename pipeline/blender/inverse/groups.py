@@ -10,9 +10,10 @@ from ...core.errors import LightsphereError
 from ..geometry import RENDERED
 
 PROPERTY = "lightsphere_group"
+EMISSION = "shines"
 LINKED = "is linked from another file"
 NOT_REFLECTED = {
-    "EMISSION": "shines",
+    "EMISSION": EMISSION,
     "BSDF_GLASS": "is glass",
     "BSDF_REFRACTION": "refracts",
     "BSDF_TRANSPARENT": "is transparent",
@@ -99,5 +100,5 @@ def _beyond_reflection(material: bpy.types.Material | None) -> str:
             if node.inputs["Emission Strength"].default_value > 0 and any(
                 node.inputs["Emission Color"].default_value[:3]
             ):
-                return NOT_REFLECTED["EMISSION"]
+                return EMISSION
     return ""

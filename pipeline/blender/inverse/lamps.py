@@ -8,30 +8,33 @@ from ...core.inverse.lamps import powers
 from .evidence import Evidence
 
 SAMPLES = 16
-WORLD = 0.02  # share of the light that no lamp gives, above which that fixes the scale
+FIXED = 0.02  # light of known power as a share of the other, above which it fixes the scale
 LEAST_POWER = 1e-3  # of that in the scene, so that the search can still move it
 
 
 def start_lamps(evidence: Evidence) -> None:
     """Let the lamps whose power is looked for have what their pictures alone tell, beside diffuse groups.
 
-    Where nothing tells the scale, the brightest stays as it is in the scene and is no longer looked for.
+    Where nothing tells the scale, not even one that the picture shows, the brightest stays as it is in the scene and
+    is no longer looked for.
     """
     room = evidence.room
     rest = room.alone(None, SAMPLES, evidence.next_seed())
     shown = [room.alone(n, SAMPLES, evidence.next_seed()) - rest for n in range(len(room.lamps))]
-    light = np.array([picture.mean() for picture in shown])
-    told = room.known or len(room.free_lamps) < len(room.lamps) or rest.mean() > WORLD * light.sum()
-    if not told:
-        room.free_lamps.remove(int(light.argmax()))
     used = evidence.weight[..., 0] > 0
+    light = np.array([picture.mean() for picture in shown])
+    room.free_lamps = [number for number in room.free_lamps if light[number] > 0]
+    seen = evidence.shines() & used
+    fixed_light = rest.mean() + np.delete(light, room.free_lamps).sum()
+    if room.free_lamps and not (room.known or seen.any() or fixed_light > FIXED * light[room.free_lamps].sum()):
+        room.free_lamps.remove(int(light.argmax()))
     fixed = {number: 1.0 for number in range(len(room.lamps)) if number not in room.free_lamps}
     factors = powers(
         np.stack([picture[used] for picture in (*shown, rest)]),
         evidence.photograph[used],
         evidence.weight[used],
         evidence.index[used],
-        {number: np.ones(3) for number in room.known},
+        {number: np.ones(3) for number in (*room.known, *np.unique(evidence.index[seen]))},
         {**fixed, len(shown): 1.0},
     )
     for number in room.free_lamps:

@@ -21,13 +21,15 @@ from .. import cycles, exr
 from ..camera import camera_of
 from ..unwrap import PROJECTED, unwrap
 from . import closures
-from .groups import Group
+from .groups import EMISSION, Group
+from .shining import lamps_of
 
 MOST_BOUNCES = 1024  # what matters ends before, by chance, as its light fades
 STEADY_BOUNCES = (6, 64)
 LEFT_OUT = 0.25  # share of the light that steady pictures may leave out: they give derivatives alone
 BOX = {"pixel_filter_type": "BOX", "filter_width": 1.0}
 Array = NDArray[np.float64]
+OFFSET = 1000  # of the numbers of surfaces in a render, which are not negative
 Texture = NDArray[np.float32]
 Crop = tuple[int, int, int, int]  # rows from, to, columns from, to
 
@@ -52,10 +54,10 @@ class Room:
         What they show.
     textures : list of (H, W, 3) float32 or None
         What their diffuse reflectances are multiplied with.
-    lamps : list of Object
-        The scene's lamps, those of shared data once.
-    watts, powers : list of float
-        Their power in the scene, and by what it is multiplied now.
+    lamps : list of Lamp
+        What shines.
+    powers : list of float
+        By what their power in the scene is multiplied now.
     free_lamps : list of int
         Those whose power is looked for.
     known : dict of int to (3,) float64
@@ -68,14 +70,12 @@ class Room:
 
     def __init__(self, scene: bpy.types.Scene, groups: list[Group], photograph: Photograph) -> None:
         """Give every group that is looked for a grey material; the scene's other materials stay."""
-        lit = {item.data.name: item for item in scene.objects if item.type == "LIGHT" and not item.hide_render}
-        self.lamps = list(lit.values())
-        if not self.lamps and scene.world is None and not any(group.kept == "shines" for group in groups):
+        self.lamps = lamps_of(scene, groups)
+        if not self.lamps and scene.world is None and not any(group.kept == EMISSION for group in groups):
             raise LightsphereError(f"the scene {scene.name!r} has no light; add the lights of the photograph")
         self.scene = scene
         self.own = {"use_persistent_data": scene.render.use_persistent_data}
         scene.render.use_persistent_data = True  # between renders, too: a heavy scene is built once
-        self.watts = [item.data.energy for item in self.lamps]
         self.powers = [1.0] * len(self.lamps)
         self.free_lamps: list[int] = []
         self.known: dict[int, Array] = {}
@@ -119,8 +119,7 @@ class Room:
     def power(self, number: int, factor: float) -> None:
         """Let a lamp shine by a factor of what it does in the scene."""
         self.powers[number] = factor
-        data, watts = self.lamps[number].data, self.watts[number]
-        data.energy = factor * watts
+        self.lamps[number].shine(factor)
 
     def move(self, number: int, kind: str, by: Array | float) -> None:
         """Move a group's parameter, see :func:`pipeline.core.inverse.moved`, or a lamp's power by a factor exp(by)."""
@@ -222,7 +221,13 @@ class Room:
         return self.render(samples, seed, steady, (top, bottom, left, right), denoised)[mask[top:bottom, left:right]]
 
     def layers_of_pixels(self) -> tuple[NDArray[np.int64], Array]:
-        """Return which group each pixel shows (H, W), -1 for none, and its texture coordinates (H, W, 2)."""
+        """Return what each pixel shows, (H, W), and its texture coordinates, (H, W, 2).
+
+        The number of a group, -1 for nothing but the world, -2 for a surface that is kept, and -3 - n for one of those
+        by which lamp n shines.
+        """
+        shown = {material: number for number, material in enumerate(self.materials)}
+        shown |= {lamp.material: -3 - number for number, lamp in enumerate(self.lamps) if lamp.material}
         layer = self.scene.view_layers[0]
         wanted = dict.fromkeys(("use_pass_material_index", "use_pass_uv"), True)
         with (
@@ -233,14 +238,14 @@ class Room:
             contextlib.ExitStack() as stack,
         ):
             for material in bpy.data.materials:
-                number = self.materials.index(material) + 1 if material in self.materials else 0
-                stack.enter_context(cycles.changed(material, {"pass_index": number}))
+                stack.enter_context(cycles.changed(material, {"pass_index": shown.get(material, -2) + OFFSET}))
             path = Path(folder) / "layers.exr"
             cycles.render(self.scene, path)
             channels = exr.read(path)
         index = _named(channels, "IndexMA.X", "Material Index.X")
         uv = np.stack([_named(channels, f"UV.{axis}") for axis in "UV"], axis=-1)
-        return index.round().astype(np.int64) - 1, uv.astype(np.float64)
+        numbers = index.round().astype(np.int64)
+        return np.where(numbers == 0, -1, numbers - OFFSET), uv.astype(np.float64)
 
     def count_bounces(self) -> None:
         """Let steady pictures follow light until the usual path has lost enough of it, as the groups are now."""

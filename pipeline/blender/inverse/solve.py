@@ -131,7 +131,8 @@ class Search:
         lamps = [
             {
                 "name": room.lamps[number].name,
-                "watts": room.lamps[number].data.energy,
+                "power": room.lamps[number].power,
+                "unit": room.lamps[number].unit,
                 "deviation": self.deviations.get((number, POWER), [None])[0],
             }
             for number in room.free_lamps
@@ -204,7 +205,6 @@ class Search:
         plain = [number for number, is_fine in fine.items() if is_fine and self._help(number) > NO_HELP]
         still = [number for number in waiting if errors[number] > (WORTH if fine[number] else COARSE)]
         if chosen := sorted(plain if changed else still, key=self._left)[-1:]:
-            self._choose(chosen[0], Model("texture", np.ones(3), np.zeros(3)))
             self._paint(chosen[0])
             self.patterned.clear()  # the others may look otherwise now
             changed = True
@@ -272,6 +272,7 @@ class Search:
     def _paint(self, number: int) -> None:
         """Give a group's pixels the texture that they show; it leaves no error by its making."""
         self.tried[number].append({"level": "texture", "error": 0.0, "surely_below": 0.0})
+        self._choose(number, Model("texture", np.ones(3), np.zeros(3)))
         paint(self.evidence, number)
 
     def _paint_if_needed(self, number: int) -> Work[None]:
@@ -342,6 +343,11 @@ class Search:
             if error > 2 * best[0] + STEADY * noise:
                 self.room.set(best[1])
                 self._keep()
+        if self.room.free_lamps:
+            for number, model in enumerate(self.room.models):
+                if model.level == "texture":  # under the light as it is now
+                    paint(evidence, number)
+            self._keep()
         self._picture(stage)
 
     def _look(self, wanted: list[Unknown], untold: set[int]) -> None:

@@ -67,6 +67,16 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     return np.clip(found, -bound, bound)
 
 
+def _telling(evidence: Evidence) -> Array:
+    """Return the weights of pixels: a texture shows whatever the photograph does, and tells nothing of lamps."""
+    room = evidence.room
+    if not room.free_lamps:
+        return evidence.weight
+    textured = [mask for mask, model in zip(evidence.masks, room.models, strict=True) if model.level == "texture"]
+    left = evidence.weight * ~np.any(textured, axis=0)[..., None] if textured else evidence.weight
+    return left if left.any() else evidence.weight
+
+
 def step(
     evidence: Evidence, wanted: Sequence[Unknown], slopes: Array, residuals: Array, damping: float
 ) -> tuple[list[Array], list[Array], set[int], float]:
@@ -83,7 +93,7 @@ def step(
             column[..., chosen] = slopes[:, place][..., chosen]
             columns.append(column.reshape(2, -1))
             owner.append(place)
-    weight = evidence.weight.ravel()
+    weight = _telling(evidence).ravel()
     used = weight > 0
     jacobians = np.stack(columns, axis=1)[:, :, used]
     move, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], weight[used], damping)
