@@ -47,9 +47,13 @@ class Tried:
 
 
 def simplest(tried: list[Tried]) -> Tried:
-    """Return the simplest model that explains a group as well as any."""
-    best = min((one.fit for one in tried), key=lambda fit: fit.surely_below)
-    return next(one for one in tried if not better(one.fit, best, WORTH))
+    """Return the simplest model that explains a group as well as any, of those that surely do so as well as diffuse.
+
+    The sharp picture of a small lamp is so noisy that its error may be anything.
+    """
+    told = [one for one in tried if one.fit.surely_below <= tried[0].fit.surely_below]
+    best = min((one.fit for one in told), key=lambda fit: fit.surely_below)
+    return next(one for one in told if not better(one.fit, best, WORTH))
 
 
 def examined(
@@ -101,9 +105,9 @@ def examined(
         now = room.models[number]
         known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
         plain, sharp = group.fitted(diffuse), group.fitted(diffuse, group.shown(_glossy(SHARP)))
-        slopes = SLOPES if sharp.error > LIKE_MIRROR * plain.error else SLOPES[:2]
+        slopes = SLOPES if sharp.surely_below > LIKE_MIRROR * plain.error else SLOPES[:2]
         best, fit = yield from group.best(diffuse, [*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
-        has_lobe = better(plain, fit, WORTH) and fit.error < sharp.error
+        has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
         if has_lobe:
             best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
         lobes["isotropic"] = best

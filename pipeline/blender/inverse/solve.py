@@ -191,15 +191,13 @@ class Search:
                 break
             before = self.room.models[number].level
             best = yield from self._examined(number)
+            if before == "texture" and self._left(number) > WORTH:
+                self._paint(number)
+                continue
             if best.level != before or "alpha" in FREE[before]:  # else all groups together tell its reflectance better
                 self._choose(number, best)
             changed |= best.level != before
-            if (
-                self._help(number) >= LOBES_HELP
-                and before != "texture"
-                and self.room.layers[number]
-                and self.settings.levels == "all"
-            ):
+            if self._help(number) >= LOBES_HELP and self.room.layers[number] and self.settings.levels == "all":
                 self.patterned.add(number)
         fine = {number: evidence.fine_share(residuals, number) > FINE for number in self.patterned}
         plain = [number for number, is_fine in fine.items() if is_fine and self._help(number) > NO_HELP]
