@@ -34,7 +34,7 @@ class Forecast(Search):
             Seconds that a command needs beside the search.
         """
         begun = time.perf_counter()
-        yield from self._diffuse()
+        yield from self._begin()
         waiting = self._waiting()
         first, level = time.perf_counter() - begun, 0.0
         if waiting:

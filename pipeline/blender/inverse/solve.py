@@ -101,11 +101,7 @@ class Search:
         ------
         Progress in seconds of the budget.
         """
-        if self.room.free_lamps:
-            start_lamps(self.evidence)
-        yield from self._diffuse()
-        if self.room.free_lamps:
-            yield from self._refine("lamps", rounds=6, samples=8, damping=0.03, end=LEVELS_END)
+        yield from self._begin()
         for turn in range(ROUNDS):
             if self._spent() > LEVELS_END:
                 break
@@ -116,6 +112,14 @@ class Search:
         yield from self._look_again()
         yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
         return self._found()
+
+    def _begin(self) -> Work[None]:
+        """Let every group be diffuse, under lamps as strong as that tells."""
+        if self.room.free_lamps:
+            start_lamps(self.evidence)
+        yield from self._diffuse()
+        if self.room.free_lamps:
+            yield from self._refine("lamps", rounds=6, samples=8, damping=0.03, end=LEVELS_END)
 
     def stopped(self) -> Found | None:
         """Show what was known when an error was last written down, and return that; None where nothing was yet."""
