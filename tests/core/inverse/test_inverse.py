@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import LightsphereError
-from pipeline.core.inverse import LEAST, MOST, Model, grey, known_reflectances, moved
-from pipeline.core.inverse.estimate import better, combined, newton, unexplained
+from pipeline.core.inverse import LEAST, MOST, Model, grey, known_reflectances, moved, uncertainty
+from pipeline.core.inverse.estimate import agreed, better, combined, newton, unexplained
 from pipeline.core.inverse.lamps import powers
 from pipeline.core.inverse.photograph import averaged, inner, prepared, weights
 from pipeline.core.inverse.texture import light_on, reflectance_map, seen_reflectance, sharpened
 
 PIXELS = 40_000
 NOISE = 0.5
+BOUNDED = [(x, y) for x in np.linspace(0, MOST, 15) for y in np.linspace(0, MOST, 15)]
 
 
 @pytest.fixture(scope="module")
@@ -189,3 +190,42 @@ def test_a_step_from_the_derivatives_own_pictures_is_not_biased() -> None:
     assert step == pytest.approx(planted, abs=0.02)
     biased, _ = newton(noisy, residuals, np.ones(40_000), damping=1e-6)
     assert np.abs(biased - planted).max() > 0.1
+
+
+def test_what_two_seeds_do_not_agree_on_has_no_part_in_a_fit(bases: tuple[np.ndarray, np.ndarray]) -> None:
+    true, noisy = bases
+    rng = np.random.default_rng(3)
+    fireflies = np.zeros((2, 1, PIXELS, 3))
+    for seed in fireflies:
+        seed[0, rng.choice(PIXELS, 20)] = rng.uniform(1e3, 1e4, (20, 3))
+    weight = np.ones((PIXELS, 3))
+    fit = combined(np.concatenate([noisy[:, :1], fireflies], axis=1), 0.5 * true[0], weight)
+    assert (fit.factors[1] == 0).all()
+    assert fit.factors[0] == pytest.approx([0.5] * 3, abs=0.02)
+    assert abs(fit.error) < 4 * fit.noise < 0.01
+    # a faint picture that is spread wide, and a bright one of few pixels, are no noise
+    faint = 0.07 * true[1] + rng.normal(0, 0.3, (2, *true[1].shape))
+    spot = np.zeros((2, PIXELS))
+    spot[:, :5] = rng.uniform(5, 10, (2, 5))
+    assert agreed(*np.stack([faint[..., 0], spot], axis=1), weight[:, 0]).all()
+    assert not agreed(*rng.normal(0, 1, (2, 2, PIXELS)), weight[:, 0]).any()
+
+
+def test_factors_are_those_that_reflectances_can_have(bases: tuple[np.ndarray, np.ndarray]) -> None:
+    true, _ = bases
+    true = true[:, :2000]
+    exact, weight = np.stack([true, true]), np.ones((2000, 3))
+    fit = combined(exact, 1.5 * true[0] - 0.2 * true[1], weight)
+    others = [np.mean((1.5 * true[0] - 0.2 * true[1] - x * true[0] - y * true[1]) ** 2) for x, y in BOUNDED]
+    assert fit.factors.min() >= 0 and fit.factors.max() <= MOST
+    assert fit.error <= min(others) + 1e-12
+    assert fit.error == pytest.approx(min(others), abs=1e-3)
+
+
+def test_a_faint_reflectance_makes_a_surface_no_less_certain() -> None:
+    deviation = {"diffuse": [2.0, 2.0, 2.0], "specular": [0.01, 0.02, 0.01]}
+    found = {"rho_d": [1e-3, 1e-3, 1e-3], "rho_s": [0.9, 0.9, 0.9], "deviation": deviation}
+    assert uncertainty(found) == pytest.approx(2.0 * 1e-3 / (0.05 * 0.9))
+    assert uncertainty(found | {"rho_d": [0.3, 0.3, 0.3]}) == pytest.approx(2.0)
+    assert uncertainty({"rho_d": [0.5, 0.1, 0.2], "deviation": {"diffuse": [0.01, 0.03, 0.02]}}) == pytest.approx(0.03)
+    assert uncertainty({"level": "texture", "deviation": {}}) == 0
