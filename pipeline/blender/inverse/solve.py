@@ -109,7 +109,8 @@ class Search:
             if not changed and turn:
                 break
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
-        yield from self._look_again()
+        while (yield from self._look_again()) and self._spent() < LEVELS_END:
+            yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
         return self._found()
 
@@ -220,14 +221,20 @@ class Search:
         left = [0.0 if number in settled else error for number, error in enumerate(errors)]
         return [number for number in map(int, np.argsort(left)[::-1]) if left[number] > max(WORTH, WORST * max(left))]
 
-    def _look_again(self) -> Work[None]:
-        """Look at lobes and textures again with the surroundings as they are now: the wrong ones bent them before."""
-        for number, model in enumerate(self.room.models):
-            if model.level == "texture":
-                yield from self._paint_if_needed(number)
-            elif "specular" in FREE[model.level]:
+    def _look_again(self) -> Work[bool]:
+        """Look at lobes and then textures again with the surroundings as they are now: the wrong ones bent them before.
+
+        Return whether a level changed.
+        """
+        before = [model.level for model in self.room.models]
+        for number, level in enumerate(before):
+            if "specular" in FREE[level]:
                 best = yield from self._examined(number, closer=CLOSER)
                 self._choose(number, best)
+        for number, level in enumerate(before):
+            if level == "texture":
+                yield from self._paint_if_needed(number)
+        return before != [model.level for model in self.room.models]
 
     def _told(self, words: str, _: Progress) -> Progress:
         return self._step(words)
