@@ -158,6 +158,12 @@ def measuring(
         yield
 
 
+def forget(scene: bpy.types.Scene) -> None:
+    """Let Cycles build a scene anew that it keeps between renders: it may take a new image for one that was removed."""
+    with changed(scene.render, {"use_persistent_data": False}):
+        pass  # setting it frees what is kept
+
+
 @contextlib.contextmanager
 def cropped(scene: bpy.types.Scene, camera: Camera, window: tuple[slice, slice] | None) -> Iterator[None]:
     """Render only some rows and columns of a camera's pictures for a while, or all of them."""

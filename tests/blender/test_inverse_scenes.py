@@ -16,6 +16,7 @@ from pipeline.blender.inverse.photograph import photographed
 from pipeline.blender.inverse.room import Room
 from pipeline.blender.unwrap import PROJECTED
 from pipeline.core.images import read_rgb
+from pipeline.core.inverse import Model
 from pipeline.core.inverse.photograph import Photograph
 from pipeline.core.progress import finish
 from scenes import rooms
@@ -138,6 +139,20 @@ def test_lamps_shine_alone_and_add_up(still: bpy.types.Scene) -> None:
     assert all(part.mean() > 0.01 for part in parts)
     assert np.mean(parts, axis=(1, 2, 3)).sum() == pytest.approx(room.render(256, 7).mean(), rel=0.05)
     assert [lamp.power for lamp in room.lamps] == pytest.approx([LAMP, PANEL, SKY])
+
+
+def test_every_texture_that_is_painted_is_rendered(still: bpy.types.Scene) -> None:
+    room = room_of(still)
+    number = next(place for place, group in enumerate(room.groups) if group.name == "Checker")
+    index, _ = room.layers_of_pixels()
+    floor = index == number
+    plain = None
+    for value in (0.5, 0.1, 0.4, 0.2, 0.6, 0.05, 0.3, 0.15):
+        room.paint(number, np.full((32, 32, 3), value, np.float32))
+        room.show(number, Model("texture", np.ones(3), np.zeros(3)))
+        shown = room.render(4, 1, steady=True)[floor].mean()
+        plain = plain or shown / value
+        assert shown == pytest.approx(plain * value, rel=0.3)
 
 
 def test_a_photograph_has_the_light_of_the_world(still: bpy.types.Scene, tmp_path: Path) -> None:

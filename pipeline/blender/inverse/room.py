@@ -187,6 +187,7 @@ class Room:
         self.textures[number] = texture
         closures.paint(self.materials[number], self.groups[number].name, texture, self.layers[number])
         self.show(number, self.models[number])
+        cycles.forget(self.scene)
 
     def render(
         self, samples: int, seed: int, steady: bool = False, crop: Crop | None = None, denoised: bool = False
