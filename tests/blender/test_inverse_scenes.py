@@ -155,6 +155,16 @@ def test_every_texture_that_is_painted_is_rendered(still: bpy.types.Scene) -> No
         assert shown == pytest.approx(plain * value, rel=0.3)
 
 
+def test_the_same_seed_gives_the_same_noise_whatever_was_rendered_before(still: bpy.types.Scene) -> None:
+    room = room_of(still)
+    before = room.render(2, 1, steady=True)
+    room.render(64, 2, denoised=True)
+    assert (room.render(2, 1, steady=True) == before).all()
+    cycles.forget(still)
+    assert (room.render(2, 1, steady=True) == before).all()
+    assert (room.render(2, 3, steady=True) != before).any()
+
+
 def test_a_photograph_has_the_light_of_the_world(still: bpy.types.Scene, tmp_path: Path) -> None:
     bpy.data.objects.remove(still.objects["Lamp"])
     bpy.data.objects.remove(still.objects["Panel"])

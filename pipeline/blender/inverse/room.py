@@ -27,6 +27,8 @@ from .shining import lamps_of
 MOST_BOUNCES = 1024  # what matters ends before, by chance, as its light fades
 STEADY_BOUNCES = (6, 64)
 LEFT_OUT = 0.25  # share of the light that steady pictures may leave out: they give derivatives alone
+# blue noise differs by the numbers of samples that were rendered before, as long as a scene is kept
+SAME_NOISE = {"sampling_pattern": "TABULATED_SOBOL"}
 BOX = {"pixel_filter_type": "BOX", "filter_width": 1.0}
 Array = NDArray[np.float64]
 OFFSET = 1000  # of the numbers of surfaces in a render, which are not negative
@@ -258,7 +260,7 @@ class Room:
     @contextlib.contextmanager
     def _measuring(self, transport: cycles.Transport, seed: int, steady: bool, crop: Crop | None) -> Iterator[None]:
         """Set Cycles up: the scene's own world and lights, and the pixels of the photograph."""
-        own: dict[str, Any] = {"min_light_bounces": transport.bounces if steady else 3, **self.filter}
+        own: dict[str, Any] = {"min_light_bounces": transport.bounces if steady else 3, **self.filter, **SAME_NOISE}
         width, height = self.camera.resolution
         border: dict[str, Any] = {}
         if crop is not None:
