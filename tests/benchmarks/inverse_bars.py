@@ -31,7 +31,7 @@ from pipeline.core.progress import finish
 from scenes import desk_room
 
 ROOMS = ("colour-box", "desk-room")
-SECONDS = {"colour-box": 26, "desk-room": 275}
+SECONDS = {"colour-box": 25, "desk-room": 275}
 LEVEL = {"Mirror": "mirror", "Tinted mirror": "mirror", "Poster": "texture", "Brushed plate": "anisotropic"}
 LEVEL |= {"Glaze": "isotropic"}
 BARS = {"colour-box": 2.0, "desk-room": 4.0}  # of diffuse reflectances [%]
