@@ -79,7 +79,9 @@ class InverseSettings:
         "mirror, below the third lobes explain it, above the fourth it has a texture",
     )
     unknown_lamps: str = setting(
-        "", "lamps whose power is looked for, commas between their names, or all; of all, the brightest stays as it is"
+        "",
+        "lamps, materials that shine and worlds whose power is looked for, commas between their names, or all; of all, "
+        "the brightest stays as it is unless the picture shows one",
     )
     known: str = setting("", "reflectances that are known, as GROUP=R,G,B with semicolons between: they give the scale")
 
