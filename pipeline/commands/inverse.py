@@ -95,7 +95,7 @@ def inverse(
         figures.values["rerendered_noise"] = relative_rmse(shown, seeds[0], seen.trusted)
         output.mkdir(parents=True, exist_ok=True)
         images.write_rgb(output / "rerendered.exr", shown.astype("float32"))
-        room.restore([number for number, word in enumerate(found.seen) if word == "not at all"])
+        room.restore(_untold(room, found))
         with changed(loaded.render, room.own):
             scenes.save(output / BLEND)
         from ..report.inverse import Results, report
@@ -145,9 +145,15 @@ def _searched(search: Any) -> tuple[Any, bool]:
         return known, True
 
 
+def _untold(room: Any, found: Any) -> list[int]:
+    """Return the groups of which nothing is known, not from the picture and not beforehand."""
+    return [number for number, word in enumerate(found.seen) if word == "not at all" and number not in room.known]
+
+
 def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
     """Return what was found about every group, and what it cost."""
     described: dict[str, Any] = {}
+    untold = _untold(room, found)
     for number, group in enumerate(room.groups):
         seen = found.seen[number]
         described[group.name] = {
@@ -158,7 +164,7 @@ def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
             "pixels": found.pixels[number],
             "tried": found.tried[number],
         }
-        if seen == "not at all":
+        if number in untold:
             described[group.name] = {"level": "kept", "seen": seen, "why": "the picture tells nothing of it"}
     for group in every:
         if group.kept:

@@ -96,10 +96,11 @@ def test_the_lamp_has_its_power(found: dict[str, Any], box: Path) -> None:
 def test_error_bars_come_however_short_the_budget(box: Path, tmp_path: Path) -> None:
     words = ["inverse", str(box / "box.blend"), str(box / "photograph.exr"), "-o", str(tmp_path)]
     known = "White=" + ",".join(map(str, colour_box.WHITE))
-    words += ["--json", str(tmp_path / "found.json"), "--budget", "1", "--known", known]
+    words += ["--json", str(tmp_path / "found.json"), "--budget", "1", "--known", f"{known};Hidden=.2,.3,.4"]
     assert cli.main(words) == 0
     groups = json.loads((tmp_path / "found.json").read_text())["groups"]
     assert groups["White"]["known"] and groups["White"]["rho_d"] == pytest.approx(colour_box.WHITE)
+    assert groups["Hidden"]["known"] and groups["Hidden"]["rho_d"] == pytest.approx([0.2, 0.3, 0.4])  # though unseen
     for name in TRUE.keys() - {"White"}:
         assert min(groups[name]["deviation"]["diffuse"]) > 0
 
