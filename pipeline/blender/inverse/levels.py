@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import DISTRIBUTIONS, FREE, LEVELS, SHARP, STEPS, Model, moved
+from ...core.inverse import DISTRIBUTIONS, FREE, LEVELS, MOST, SHARP, STEPS, Model, moved
 from ...core.inverse.estimate import Fit, better, combined, newton
 from ...core.progress import Progress, Work
 from .room import Room
@@ -120,14 +120,16 @@ def examined(
     group = group.anew(2, FINAL)
     diffuse = group.shown(WHITE)
     fit = group.fitted(diffuse)
-    tried = [Tried(Model("diffuse", fit.factors[0], np.zeros(3)), fit)]
+    tried = [Tried(Model("diffuse", _within(fit.factors[0]), np.zeros(3)), fit)]
     shown = diffuse
     for level, lobe in lobes.items():
         if level != "diffuse-specular":  # its lobe is the mirror's
             shown = group.shown(lobe)
         fit = group.fitted(shown) if level == "mirror" else group.fitted(diffuse, shown)
-        rho_d = np.zeros(3) if level == "mirror" else fit.factors[0]
-        tried.append(Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=fit.factors[-1]), fit))
+        rho_d = np.zeros(3) if level == "mirror" else _within(fit.factors[0])
+        tried.append(
+            Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=_within(fit.factors[-1])), fit)
+        )
         yield Progress("levels", 1, 2)
     return choose(tried).model, [one.as_json() for one in tried]
 
@@ -220,3 +222,8 @@ class _Group:
 
 def _glossy(alpha: float, ratio: float = 1.0, angle: float = 0.0) -> Model:
     return Model("anisotropic", np.zeros(3), np.full(3, HALF), alpha, ratio, angle)
+
+
+def _within(reflectance: Array) -> Array:
+    """Return what a reflectance can be: in a white box the light falls with it, and factors are above 1."""
+    return np.minimum(reflectance, MOST)

@@ -12,12 +12,9 @@ not count, and where the model is right it is 0 in the mean.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-
-from . import MOST
 
 Array = NDArray[np.float64]
 AGREEING = 0.03  # correlation of two seeds' pictures, above which they are more than noise
@@ -100,7 +97,7 @@ def agreed(first: Array, second: Array, weight: Array) -> NDArray[np.bool_]:
 
 
 def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
-    """Fit a photograph by basis pictures of two seeds, with factors that reflectances can have.
+    """Fit a photograph by basis pictures of two seeds, with factors that are not negative.
 
     What both seeds do not agree on is nothing that a photograph can tell, and has the factor 0: a mirror's picture of a
     lamp without size is all noise.
@@ -118,25 +115,27 @@ def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
         normal = (first * w) @ second.T
         told = np.flatnonzero(agreed(first, second, w))
         symmetric = ((normal + normal.T) / 2)[np.ix_(told, told)]
-        factors[told, colour] = _bounded(symmetric, ((first + second) / 2 * w)[told] @ y)
+        factors[told, colour] = _non_negative(symmetric, ((first + second) / 2 * w)[told] @ y)
     residuals = photograph - np.einsum("snpc,nc->spc", bases, factors)
     return Fit(factors, *unexplained(residuals, weight))
 
 
-def _bounded(normal: Array, right: Array) -> Array:
-    """Solve normal x = right for 0 <= x <= MOST of one or two unknowns, by trying which are at a bound."""
+def _non_negative(normal: Array, right: Array) -> Array:
+    """Solve normal x = right for x >= 0 of one or two unknowns, by trying which are 0."""
     best, least = np.zeros(len(right)), 0.0
-    for held in product((None, 0.0, MOST), repeat=len(right)):
-        free = np.array([value is None for value in held], bool)
-        x = np.array([value or 0.0 for value in held])
-        part = normal[np.ix_(free, free)]
-        if free.any():
-            if np.linalg.cond(part) > 1e12:
-                continue
-            x[free] = np.linalg.solve(part, (right - normal @ x)[free])
-        value = float(x @ normal @ x - 2 * right @ x)
-        if (x >= 0).all() and (x <= MOST).all() and value < least:
-            best, least = x, value
+    for chosen in range(1, 2 ** len(right)):
+        kept = [i for i in range(len(right)) if chosen >> i & 1]
+        part = normal[np.ix_(kept, kept)]
+        if np.linalg.cond(part) > 1e12:
+            continue
+        x = np.linalg.solve(part, right[kept])
+        if (x < 0).any():
+            continue
+        value = float(x @ part @ x - 2 * right[kept] @ x)
+        if value < least:
+            least = value
+            best = np.zeros(len(right))
+            best[kept] = x
     return best
 
 
