@@ -102,3 +102,10 @@ def _beyond_reflection(material: bpy.types.Material | None) -> str:
             ):
                 return EMISSION
     return ""
+
+
+def place_of(name: str, names: list[str], what: str, kind: str) -> int:
+    """Return where a name is in a list, or raise a LightsphereError."""
+    if name not in names:
+        raise LightsphereError(f"{what}: there is no {kind} {name!r}; there are {', '.join(names) or 'none'}")
+    return names.index(name)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from ...core.inverse.lamps import powers
 from .evidence import Evidence
+from .room import Room
 
 SAMPLES = 16
 FIXED = 0.02  # light of known power as a share of the other, above which it fixes the scale
@@ -39,3 +43,12 @@ def start_lamps(evidence: Evidence) -> None:
     )
     for number in room.free_lamps:
         room.power(number, max(factors[number], LEAST_POWER))
+
+
+def found_lamps(room: Room, deviations: Sequence[float | None]) -> list[dict[str, Any]]:
+    """Return name, power, unit and relative deviation of the lamps whose power was looked for."""
+    lamps = [room.lamps[number] for number in room.free_lamps]
+    return [
+        {"name": lamp.name, "power": lamp.power, "unit": lamp.unit, "deviation": deviation}
+        for lamp, deviation in zip(lamps, deviations, strict=True)
+    ]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import LightsphereError
 from ...core.inverse import (
     COLOURED,
     DISTRIBUTIONS,
@@ -28,7 +27,8 @@ from ...core.inverse.photograph import Photograph
 from ...core.progress import Progress, Work, retold
 from .evidence import STEADY, Evidence
 from .found import Found
-from .lamps import start_lamps
+from .groups import place_of
+from .lamps import found_lamps, start_lamps
 from .levels import Tried, examined, simplest
 from .paint import paint
 from .room import Room, State
@@ -75,14 +75,14 @@ class Search:
         self.start = time.perf_counter()
         names = [group.name for group in room.groups]
         for name, rho in known_reflectances(settings.known).items():
-            number = _place(name, names, "known reflectance", "group")
+            number = place_of(name, names, "known reflectance", "group")
             room.known[number] = rho
             room.show(number, Model("diffuse", rho, np.zeros(3)))
         lamps = [item.name for item in room.lamps]
         wanted = (
             lamps if settings.unknown_lamps == ALL else filter(None, map(str.strip, settings.unknown_lamps.split(",")))
         )
-        room.free_lamps = [_place(name, lamps, "unknown power", "lamp") for name in wanted]
+        room.free_lamps = [place_of(name, lamps, "unknown power", "lamp") for name in wanted]
         self.evidence = Evidence(room, photograph)
         self.masks = self.evidence.masks
         self.patterned: set[int] = set()  # groups whose picture no lobe explains
@@ -133,15 +133,7 @@ class Search:
     def _found(self) -> Found:
         room = self.room
         spread = [self._deviation(number) for number in range(len(room.groups))]
-        lamps = [
-            {
-                "name": room.lamps[number].name,
-                "power": room.lamps[number].power,
-                "unit": room.lamps[number].unit,
-                "deviation": self.deviations.get((number, POWER), [None])[0],
-            }
-            for number in room.free_lamps
-        ]
+        lamps = found_lamps(room, [self.deviations.get((n, POWER), [None])[0] for n in room.free_lamps])
         pixels = [int(mask.sum()) for mask in self.masks]
         return Found(room.models, spread, self.seen, pixels, self.tried, lamps, self.history, self.pictures)
 
@@ -403,10 +395,3 @@ class Search:
 
     def _keep(self) -> None:
         self.kept = self.room.state(), dict(self.deviations)
-
-
-def _place(name: str, names: list[str], what: str, kind: str) -> int:
-    """Return where a name is in a list, or raise a LightsphereError."""
-    if name not in names:
-        raise LightsphereError(f"{what}: there is no {kind} {name!r}; there are {', '.join(names) or 'none'}")
-    return names.index(name)

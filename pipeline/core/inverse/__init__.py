@@ -40,7 +40,7 @@ BECKMANN, GGX = DISTRIBUTIONS = ("beckmann", "ggx")
 POWER = "power"  # the one parameter of a lamp
 COLOURED = ("diffuse", "specular")  # parameters with a value for every colour; the others serve all three
 SHARP = 1e-3  # alpha of a mirror: below it Cycles' float32 half vectors are too coarse
-FAINT = 0.05
+FAINT = 0.05  # of a surface's largest reflectance
 LEAST, MOST = 1e-3, 0.98  # reflectances: nothing is dropped from the render, and light fades
 ALPHAS = (SHARP, 0.7)
 RATIOS = (1.0, 30.0)  # of the larger alpha over the smaller
