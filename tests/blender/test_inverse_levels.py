@@ -40,6 +40,9 @@ def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
     rooms.quad(scene, "Poster", [(-1.7, 1, 0.1), (-0.3, 1, 0.1), (-0.3, 1, 1.5), (-1.7, 1, 1.5)], poster)
     mirror = surface("Mirror", (0.0,) * 3, MIRROR, (1e-3, 1e-3))
     rooms.quad(scene, "Mirror", [(0.3, 1, 0.1), (1.7, 1, 0.1), (1.7, 1, 1.5), (0.3, 1, 1.5)], mirror)
+    glass = surface("Looking glass", (0.0,) * 3, (1.0,) * 3, (1e-3, 1e-3))
+    lying = [(-0.9, -1.05, 0.02), (-0.3, -1.05, 0.02), (-0.3, -0.72, 0.02), (-0.9, -0.72, 0.02)]  # shows the poster
+    rooms.quad(scene, "Looking glass", lying, glass)
     rooms.block(scene, "Block", (1.2, -0.2, 0.25), (0.5, 0.5, 0.5), surface("Block", BLOCK), turn=20)
     rooms.lamp(scene, (0.3, 0.3, 1.9), (0.8, 0.6), 60.0)
     rooms.camera(scene, (0, -3.6, 1.7), (0, 0.3, 0.5), 46.0)
@@ -54,12 +57,14 @@ def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
     assert cli.main([*words, "--json", str(tmp_path / "found.json"), "--budget", "100"]) == 0
     groups = json.loads((tmp_path / "found.json").read_text())["groups"]
     wanted = {"Plate": "anisotropic", "Poster": "texture", "Mirror": "mirror", "Floor": "diffuse", "Block": "diffuse"}
+    wanted["Looking glass"] = "perfect-mirror"
     assert {name: one["level"] for name, one in groups.items()} == wanted
     found = groups["Plate"]
     assert abs((found["angle"] - DEGREES + 90) % 180 - 90) < 8  # not 25 degrees the other way
     assert found["alpha_y"] == pytest.approx(SLOPES[1], rel=0.15)
     assert found["rho_s"] == pytest.approx([SPECULAR] * 3, rel=0.15)
     assert groups["Mirror"]["rho_s"] == pytest.approx(MIRROR, rel=0.05)
+    assert groups["Looking glass"]["rho_s"] == [1.0, 1.0, 1.0]
     assert groups["Floor"]["rho_d"] == pytest.approx(FLOOR, rel=0.04)
     assert groups["Block"]["rho_d"] == pytest.approx(BLOCK, rel=0.1)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "recovered.blend"))

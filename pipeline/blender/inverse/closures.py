@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -62,6 +64,24 @@ def paint(material: bpy.types.Material, name: str, values: NDArray[np.float32] |
     factor = graph.vector("MULTIPLY", -1.4, 0, shown.outputs["Color"], (1.0, 1.0, 1.0), label="Factor")
     factor.node.name = FACTOR
     graph.feed(nodes[DIFFUSE].inputs["Color"], factor)
+
+
+@contextlib.contextmanager
+def glowing(material: bpy.types.Material, radiance: NDArray[np.float64]) -> Iterator[None]:
+    """Let a group's surfaces shine by themselves for a while, too, with a radiance (3,)."""
+    graph = Graph(material.node_tree)
+    surface = next(node for node in graph.tree.nodes if node.type == "OUTPUT_MATERIAL").inputs["Surface"]
+    reflected = surface.links[0].from_socket
+    colour = (*map(float, radiance), 1.0)
+    glow = graph.add("ShaderNodeEmission", 1.4, 1.4, inputs=(colour, 1.0))
+    total = graph.add("ShaderNodeAddShader", 2.4, 1.4, inputs=(reflected, glow.outputs[0]))
+    graph.feed(surface, total.outputs[0])
+    try:
+        yield
+    finally:
+        graph.feed(surface, reflected)
+        for node in (total, glow):
+            graph.tree.nodes.remove(node)
 
 
 def _set(socket: Any, values: NDArray[np.float64]) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse.estimate import fitting, unexplained
+from ...core.inverse.estimate import unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
 from ...core.inverse.texture import smoothed
 from .levels import ENOUGH
@@ -16,6 +18,7 @@ FEWEST = 6  # pixels without which a group's own are not judged
 LEVEL_SAMPLES, MOST_SAMPLES = 16, 128
 USUAL = 160 * 120  # pixels for which numbers of samples are stated
 SMOOTH = 4.0  # standard deviation over which light does not vary much [px]
+DARK = 1e-6  # of the photograph's mean: what shows less counts as that
 STEADY = 4.0  # standard deviations above which an error is not noise
 
 
@@ -90,10 +93,28 @@ class Evidence:
                     own[mask] = self.photograph[mask] - self.room.pixels(mask, samples, self.next_seed())
         return residuals
 
+    def mean(self, shown: Array, number: int) -> Array:
+        """Return a group's mean in a picture, dark pixels counting as much as bright ones, (3,).
+
+        Render noise does not change it in the mean, as it does least squares.
+        """
+        mask = self.masks[number]
+        mean = np.average(shown[mask], axis=0, weights=np.sqrt(self.weight[mask]))
+        return np.asarray(np.maximum(mean, DARK * self.photograph.mean()))
+
     def ratio(self, shown: Array, number: int) -> Array:
         """Return what a group's pixels in a render are to be multiplied by to be the photograph's, (3,)."""
-        mask = self.masks[number]
-        return np.asarray(np.maximum(fitting(shown[mask], self.photograph[mask], self.weight[mask]), 1e-3))
+        return self.mean(self.photograph, number) / self.mean(shown, number)
+
+    def gains(self, shown: Array, numbers: Sequence[int], samples: int) -> Array:
+        """Return what each of N groups shows where one alone glows, over what it shows in a render, (N, N, 3).
+
+        As brightly as the render shows it. Where the second is the one that glows, its glow is in it.
+        """
+        means = {number: self.mean(shown, number) for number in numbers}
+        pictures = self.room.glowing(means, self.samples(samples), self.next_seed())
+        shares = [[self.mean(pictures[glowing], n) / means[n] for glowing in numbers] for n in numbers]
+        return np.array(shares).reshape(len(numbers), len(numbers), 3)
 
     def error(self, residuals: Array) -> tuple[float, float]:
         """Return the mean square relative error of the picture, and its standard deviation by noise."""

@@ -48,6 +48,7 @@ class Forecast(Search):
         yield from self._refine("refine", rounds=MOVES, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=MOVES)
         slopes = max(time.perf_counter() - start - (MOVES + 1) * move, 0.0)  # it looks back at its last step, too
         levels = level * (len(waiting) + len(self._waiting()))
+        slopes *= 2 if waiting else 1  # all move together once more where levels change
         return [self._trial(budget, before + after, first, levels, slopes, move) for budget in BUDGETS]
 
     def _waiting(self) -> list[int]:
@@ -59,10 +60,10 @@ class Forecast(Search):
         left = max(budget - beside - first, 0.0)
         done = min(levels, LEVELS_END * left)
         single = 100 * self.uncertainty(only_seen=True)
-        most = max((left - done - 2 * slopes) / move, MOVES)
+        most = max((left - done - slopes) / move, MOVES)
         enough = max(MOVES * (single / self.settings.target) ** 2, MOVES)  # where the search ends by itself
         moves = min(most, enough)
-        seconds = beside + first + done + 2 * slopes + moves * move
+        seconds = beside + first + done + slopes + moves * move
         errors = {
             ERROR: single / float(np.sqrt(moves / MOVES)),
             "recovered_pct": 100 * done / levels if levels else 100,

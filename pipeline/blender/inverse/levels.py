@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.inverse import DISTRIBUTIONS, FREE, LEVELS, MOST, SHARP, STEPS, Model, moved
-from ...core.inverse.estimate import Fit, better, combined, newton
+from ...core.inverse.estimate import Fit, better, combined, newton, unexplained
 from ...core.progress import Progress, Work
 from .room import Room
 
 Array = NDArray[np.float64]
 SLOPES = (0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
 LIKE_MIRROR = 0.3  # of the diffuse model's mean square error: what a mirror explains that well has no wide lobe
+SHARP_LEVELS = ("perfect-mirror", "mirror", "diffuse-specular")  # of one lobe
 ANGLES = np.arange(0.0, 180.0, 30.0)
 RATIO, WIDER = 4.0, 1.6  # at which angles are scanned, and factor between the slopes at which they are
 SHAPES = ("alpha", "ratio", "angle")
@@ -49,9 +50,10 @@ class Tried:
 def simplest(tried: list[Tried]) -> Tried:
     """Return the simplest model that explains a group as well as any, of those that surely do so as well as diffuse.
 
-    The sharp picture of a small lamp is so noisy that its error may be anything.
+    The sharp picture of a small lamp is so noisy that its error may be anything. A perfect mirror is not among them: as
+    long as its surroundings are wrong it may fit by chance, and nothing would move it any more.
     """
-    told = [one for one in tried if one.fit.surely_below <= tried[0].fit.surely_below]
+    told = [one for one in tried if FREE[one.model.level] and one.fit.surely_below <= tried[0].fit.surely_below]
     best = min((one.fit for one in told), key=lambda fit: fit.surely_below)
     return next(one for one in told if not better(one.fit, best, WORTH))
 
@@ -100,7 +102,7 @@ def examined(
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
     levels = LEVELS[: LEVELS.index(most) + 1]
     diffuse = group.shown(WHITE)
-    lobes: dict[str, Model] = {level: _glossy(SHARP) for level in ("mirror", "diffuse-specular") if level in levels}
+    lobes: dict[str, Model] = {level: _glossy(SHARP) for level in SHARP_LEVELS if level in levels}
     if "isotropic" in levels:
         now = room.models[number]
         known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
@@ -111,25 +113,31 @@ def examined(
         if has_lobe:
             best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
         lobes["isotropic"] = best
-        if "anisotropic" in levels and has_lobe:
+        trials = [one for one in known if one.ratio > 1]
+        if has_lobe:
             wide = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
-            trials = [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in ANGLES]
-            brushed, found = yield from group.best(diffuse, [*trials, *(one for one in known if one.ratio > 1)])
+            trials += [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in ANGLES]
+        if "anisotropic" in levels and trials:
+            brushed, found = yield from group.best(diffuse, trials)
             if better(fit, found, WORTH):
                 lobes["anisotropic"], _ = yield from group.anew(1, closer).shaped(brushed, SHAPES, distributions)
     group = group.anew(2, FINAL)
     diffuse = group.shown(WHITE)
     fit = group.fitted(diffuse)
     tried = [Tried(Model("diffuse", _within(fit.factors[0]), np.zeros(3)), fit)]
-    shown = diffuse
+    mirrored = group.shown(_glossy(SHARP)) if lobes else diffuse
     for level, lobe in lobes.items():
-        if level != "diffuse-specular":  # its lobe is the mirror's
-            shown = group.shown(lobe)
-        fit = group.fitted(shown) if level == "mirror" else group.fitted(diffuse, shown)
-        rho_d = np.zeros(3) if level == "mirror" else _within(fit.factors[0])
-        tried.append(
-            Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=_within(fit.factors[-1])), fit)
-        )
+        shown = mirrored if level in SHARP_LEVELS else group.shown(lobe)
+        rho_d, rho_s = np.zeros(3), np.ones(3)
+        if level == "perfect-mirror":
+            fit = group.judged(shown)
+        elif level == "mirror":
+            fit = group.fitted(shown)
+            rho_s = _within(fit.factors[0])
+        else:
+            fit = group.fitted(diffuse, shown)
+            rho_d, rho_s = map(_within, fit.factors)
+        tried.append(Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=rho_s), fit))
         yield Progress("levels", 1, 2)
     return choose(tried).model, [one.as_json() for one in tried]
 
@@ -160,6 +168,10 @@ class _Group:
 
     def fitted(self, *bases: Array) -> Fit:
         return combined(np.stack(bases, axis=1), self.photograph, self.weight)
+
+    def judged(self, shown: Array) -> Fit:
+        """Return what pictures explain as they are."""
+        return Fit(np.ones((1, 3)), *unexplained(self.photograph - shown, self.weight))
 
     def best(self, diffuse: Array, lobes: Iterable[Model]) -> Work[tuple[Model, Fit]]:
         """Return the lobe that explains most beside a diffuse part."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ STEADY_BOUNCES = (6, 64)
 LEFT_OUT = 0.25  # share of the light that steady pictures may leave out: they give derivatives alone
 # blue noise differs by the numbers of samples that were rendered before, as long as a scene is kept
 SAME_NOISE = {"sampling_pattern": "TABULATED_SOBOL"}
+GLOW = "Lightsphere "  # of a light group's name
 BOX = {"pixel_filter_type": "BOX", "filter_width": 1.0}
 Array = NDArray[np.float64]
 OFFSET = 1000  # of the numbers of surfaces in a render, which are not negative
@@ -199,21 +200,46 @@ class Room:
         In steady pictures no path ends by chance, so that those of one seed differ by what was changed alone; they
         leave late bounces out, see :meth:`count_bounces`. The others have all light.
         """
+        with cycles.changed(self.scene.cycles, {"use_denoising": denoised}):
+            channels = self._rendered(samples, seed, steady, crop)
+        return np.stack([channels[letter] for letter in "RGB"], axis=-1).astype(np.float64)
+
+    def glowing(self, radiances: Mapping[int, Array], samples: int, seed: int) -> dict[int, Array]:
+        """Render the room without its lamps, each of some groups glowing by itself; return its light, (H, W, 3).
+
+        One picture serves all that share no object: Cycles' light groups keep their light apart, and are of objects.
+        """
+        shown = {}
+        with self.shining([0.0] * len(self.lamps)):
+            for together in _apart({number: self.groups[number] for number in radiances}):
+                with contextlib.ExitStack() as stack:
+                    for number in together:
+                        stack.enter_context(closures.glowing(self.materials[number], radiances[number]))
+                        stack.enter_context(_light_group(self.scene, f"{GLOW}{number}", self.groups[number]))
+                    channels = self._rendered(samples, seed, layers=True)
+                for number in together:
+                    rgb = [_named(channels, f"Combined_{GLOW}{number}.{letter}") for letter in "RGB"]
+                    shown[number] = np.stack(rgb, axis=-1).astype(np.float64)
+        return shown
+
+    def _rendered(
+        self, samples: int, seed: int, steady: bool = False, crop: Crop | None = None, layers: bool = False
+    ) -> dict[str, NDArray[np.float32]]:
+        """Render and count; return the picture's channels, or those of all its passes."""
         start = time.perf_counter()
         transport = cycles.Transport(self.steady_bounces if steady else MOST_BOUNCES, samples=samples)
         with (
             self._measuring(transport, seed, steady, crop),
-            cycles.changed(self.scene.cycles, {"use_denoising": denoised}),
-            cycles.openexr(self.scene),
+            cycles.openexr(self.scene, layers),
             tempfile.TemporaryDirectory() as folder,
         ):
             path = Path(folder) / "room.exr"
             cycles.render(self.scene, path)
-            picture = exr.read_rgb(path).astype(np.float64)
+            channels = exr.read(path)
         self.renders += 1
-        self.samples += samples * picture.shape[0] * picture.shape[1]
+        self.samples += samples * next(iter(channels.values())).size
         self.seconds += time.perf_counter() - start
-        return picture
+        return channels
 
     def pixels(
         self, mask: NDArray[np.bool_], samples: int, seed: int, steady: bool = False, denoised: bool = False
@@ -274,6 +300,35 @@ class Room:
             cycles.changed(self.scene.render, border),
         ):
             yield
+
+
+def _apart(groups: Mapping[int, Group]) -> list[list[int]]:
+    """Return groups by number in as few lists as taking each in turn makes: in none do two share an object."""
+    lists: list[tuple[list[int], set[bpy.types.Object]]] = []
+    for number, group in groups.items():
+        items = {item for item, _ in group.slots}
+        numbers, taken = next((one for one in lists if not one[1] & items), ([], set()))
+        if not numbers:
+            lists.append((numbers, taken))
+        numbers.append(number)
+        taken |= items
+    return [numbers for numbers, _ in lists]
+
+
+@contextlib.contextmanager
+def _light_group(scene: bpy.types.Scene, name: str, group: Group) -> Iterator[None]:
+    """Have the light of a group's objects written apart for a while."""
+    layer = scene.view_layers[0]
+    own = layer.lightgroups.add(name=name)
+    try:
+        with contextlib.ExitStack() as stack:
+            for item in {item for item, _ in group.slots}:
+                stack.callback(item.update_tag)
+                stack.enter_context(cycles.changed(item, {"lightgroup": name}))
+                item.update_tag()  # an object that is shown by instances alone is not by itself
+            yield
+    finally:
+        layer.lightgroups.remove(own)
 
 
 def _area(group: Group) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from functools import partial
@@ -24,6 +25,7 @@ from ...core.inverse import (
 )
 from ...core.inverse.estimate import noiseless_rmse
 from ...core.inverse.photograph import Photograph
+from ...core.inverse.radiosity import corrections
 from ...core.progress import Progress, Work, retold
 from .evidence import STEADY, Evidence
 from .found import Found
@@ -35,9 +37,7 @@ from .room import Room, State
 from .together import LONGEST, Unknown, derivatives, step, unknowns
 
 Array = NDArray[np.float64]
-RATIO_ROUNDS, MOST_RATIO_ROUNDS = 4, 8  # more where light bounces long
-LARGE, TELLING = 0.3, 0.05  # logarithms of moves of reflectances, by which a gain of all, and of one is measured
-OVERSHOOT, MOST_GAIN = 2.0, 50.0
+DIFFUSE_SAMPLES = (4, 4, 8, 16)  # of the rounds that begin a search
 ROUNDS = 6  # of looking for levels
 LEVELS_END = 0.6  # share of the budget after which that ends: the last moves are of all groups, and give the error bars
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
@@ -47,6 +47,8 @@ COARSE = 0.15  # relative error that is left, above which what varies smoothly h
 FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
 LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
+MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
+PERFECT = 0.97  # reflectance of a mirror above which it is perfect
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
 ALL = "all"
@@ -102,16 +104,17 @@ class Search:
         Progress in seconds of the budget.
         """
         yield from self._begin()
-        for turn in range(ROUNDS):
+        for _ in range(ROUNDS):
             if self._spent() > LEVELS_END:
                 break
             changed = yield from self._levels()
-            if not changed and turn:
+            if not changed:
                 break
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         while (yield from self._look_again()) and self._spent() < LEVELS_END:
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
+        self._perfect()
         return self._found()
 
     def _begin(self) -> Work[None]:
@@ -138,35 +141,16 @@ class Search:
         return Found(room.models, spread, self.seen, pixels, self.tried, lamps, self.history, self.pictures)
 
     def _diffuse(self) -> Work[None]:
-        """Let every group be diffuse; correct each by the ratio of photograph and render (Boivin 2001, equation 4).
-
-        Where light bounces long, the picture grows faster than the reflectance and the ratio overshoots. Once a large
-        correction of all groups together was seen to do so, each is divided by the gain that its last one had, measured
-        in logarithms.
-        """
-        seen = [number for number, mask in enumerate(self.masks) if mask.any() and number not in self.room.known]
-        pixels = np.array([self.masks[number].sum() for number in seen]).reshape(-1, 1)
-        before, moves, gains = (np.zeros((len(seen), 3)) for _ in range(3))
-        gains += 1
-        overshoots = False
-        for turn in range(MOST_RATIO_ROUNDS):
-            shown = self.evidence.render(4)
-            missing = np.log([self.evidence.ratio(shown, number) for number in seen]).reshape(-1, 3)
-            power = float((pixels * moves**2).sum())
-            gain = float((pixels * moves * (before - missing)).sum()) / max(power, 1e-30)
-            overshoots |= power > LARGE**2 * moves.shape[1] * pixels.sum() and gain > OVERSHOOT
-            if overshoots:
-                told = np.abs(moves) > TELLING
-                own = np.clip((before - missing) / np.where(told, moves, 1.0), 1.0, MOST_GAIN)
-                gains = np.where(told, own, gains)
-            for place, number in enumerate(seen):
-                old = self.room.models[number]
-                self.room.show(number, moved(old, "diffuse", missing[place] / gains[place]))
-                moves[place] = np.log(self.room.models[number].diffuse / old.diffuse)
-            before = missing
+        """Let every group be diffuse: see :mod:`pipeline.core.inverse.radiosity`."""
+        evidence, room = self.evidence, self.room
+        seen = [number for number, mask in enumerate(self.masks) if mask.any() and number not in room.known]
+        for samples in DIFFUSE_SAMPLES:
+            shown = evidence.render(samples)
+            ratios = np.array([evidence.ratio(shown, number) for number in seen]).reshape(-1, 3)
+            factors = corrections(evidence.gains(shown, seen, samples), ratios)
+            for number, factor in zip(seen, factors, strict=True):
+                room.show(number, moved(room.models[number], "diffuse", np.log(factor)))
             yield self._step("diffuse")
-            if turn + 1 >= RATIO_ROUNDS and not overshoots:
-                break
         self.room.count_bounces()
         self._note("diffuse", self.evidence.residuals(NOTED_SAMPLES))
         self._picture("diffuse")
@@ -216,17 +200,26 @@ class Search:
     def _look_again(self) -> Work[bool]:
         """Look at lobes and then textures again with the surroundings as they are now: the wrong ones bent them before.
 
-        Return whether a level changed.
+        Return whether a level changed, or a reflectance by more than MOVED: what it lights may look otherwise then.
         """
-        before = [model.level for model in self.room.models]
-        for number, level in enumerate(before):
-            if "specular" in FREE[level]:
+        before = list(self.room.models)
+        levels = [model.level for model in before]
+        for number, level in enumerate(levels):
+            if level not in ("diffuse", "texture"):
                 best = yield from self._examined(number, closer=CLOSER)
                 self._choose(number, best)
-        for number, level in enumerate(before):
+        for number, level in enumerate(levels):
             if level == "texture":
                 yield from self._paint_if_needed(number)
-        return before != [model.level for model in self.room.models]
+        moved = [np.abs(now.specular - old.specular).max() for now, old in zip(self.room.models, before, strict=True)]
+        return levels != [model.level for model in self.room.models] or max(moved) > MOVED
+
+    def _perfect(self) -> None:
+        """Let mirrors be perfect that reflect all light as far as can be told."""
+        for number, model in enumerate(self.room.models):
+            if model.level == "mirror" and model.specular.min() > PERFECT:
+                self._choose(number, dataclasses.replace(model, level="perfect-mirror", specular=np.ones(3)))
+        self._keep()
 
     def _told(self, words: str, _: Progress) -> Progress:
         return self._step(words)

@@ -111,7 +111,7 @@ class Source(Search):
         errors = {one.model.level: one.as_json()["error"] for one in tried}
         for one in tried:
             error = errors[one.model.level]
-            if one.model.level in ("diffuse", "mirror"):
+            if one.model.level in ("diffuse", "perfect-mirror", "mirror"):
                 good = error < simple
             else:
                 good = error < lobes and not (one.model.level == "diffuse-specular" and errors["mirror"] > mirror_most)

@@ -37,8 +37,9 @@ def unknowns(room: Room, shapes: bool) -> list[Unknown]:
 def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     """Return the change of the picture by every unknown, by two seeds: (2, N, H, W, 3).
 
-    A group's own pixels are rendered with as many samples as they need. What its diffuse reflectance changes
-    elsewhere is seen in the whole picture; what its lobe changes elsewhere is left out, which slows the search.
+    A group's own pixels are rendered with as many samples as they need. What its diffuse reflectance changes elsewhere
+    is what it shines on others where it glows as brightly as it reflects; what its lobe changes elsewhere is left out,
+    which slows the search. Groups that no pixel shows, and lamps, are moved, and the whole picture is rendered.
     """
     room = evidence.room
     room.count_bounces()
@@ -52,11 +53,14 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     for place, (number, kind) in enumerate(wanted):
         by = STEPS[kind] * (-1.0 if kind in COLOURED and getattr(room.models[number], kind).max() > 0.8 else 1.0)
         mask = evidence.masks[number] if kind != POWER else None
-        if kind in ("diffuse", POWER) or mask is None or not mask.any():
-            with room.moving(number, kind, by):
-                for s, seed in enumerate(seeds):
-                    found[s, place] = (room.render(each, seed, True) - whole[s]) / by
-        if mask is not None and mask.any():
+        if mask is None or not mask.any():
+            if kind in ("diffuse", POWER):
+                with room.moving(number, kind, by):
+                    for s, seed in enumerate(seeds):
+                        found[s, place] = (room.render(each, seed, True) - whole[s]) / by
+        elif room.models[number].level == "diffuse":  # it is all that it shows
+            found[:, place, mask] = [shown[mask] for shown in whole]
+        else:
             samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
             if number not in own:
                 own[number] = [room.pixels(mask, samples, seed, True) for seed in seeds]
@@ -64,7 +68,20 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
                 for s, seed in enumerate(seeds):
                     found[s, place][mask] = (room.pixels(mask, samples, seed, True) - own[number][s]) / by
         yield Progress("derivatives", place + 1, len(wanted))
+    _let_glow(evidence, wanted, found, each, seeds)
     return np.clip(found, -bound, bound)
+
+
+def _let_glow(evidence: Evidence, wanted: Sequence[Unknown], found: Array, samples: int, seeds: Sequence[int]) -> None:
+    """Add to derivatives what the groups that are seen shine on all pixels but, where these are moved, their own."""
+    places = {n: place for place, (n, kind) in enumerate(wanted) if kind == "diffuse" and evidence.masks[n].any()}
+    glow = {n: evidence.mean(found[:, place].mean(axis=0), n) for n, place in places.items()}
+    for s, seed in enumerate(seeds):
+        for number, shining in evidence.room.glowing(glow, samples, seed).items():
+            mask = evidence.masks[number]
+            plain = evidence.room.models[number].level == "diffuse"
+            shining[mask] = shining[mask] - glow[number] if plain else 0.0
+            found[s, places[number]] += shining
 
 
 def _telling(evidence: Evidence) -> Array:

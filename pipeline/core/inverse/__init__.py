@@ -3,7 +3,8 @@
 Surfaces that share a reflectance are a group. Every group has a model of a level; richer ones explain more pictures::
 
     diffuse           rho_d
-    mirror            rho_s, as sharp as Cycles can
+    perfect-mirror    rho_s = 1, as sharp as Cycles can
+    mirror            rho_s, as sharp
     diffuse-specular  rho_d and a sharp rho_s
     isotropic         rho_d, rho_s and the slope alpha of a lobe, Beckmann's or, of longer tails, GGX
     anisotropic       alpha along and across a direction of the texture's U
@@ -26,10 +27,11 @@ from numpy.typing import NDArray
 from ..errors import LightsphereError
 from ..settings import setting
 
-LEVELS = ("diffuse", "mirror", "diffuse-specular", "isotropic", "anisotropic", "texture")
+LEVELS = ("diffuse", "perfect-mirror", "mirror", "diffuse-specular", "isotropic", "anisotropic", "texture")
 #: What each level estimates.
 FREE = {
     "diffuse": ("diffuse",),
+    "perfect-mirror": (),
     "mirror": ("specular",),
     "diffuse-specular": ("diffuse", "specular"),
     "isotropic": ("diffuse", "specular", "alpha"),
@@ -67,7 +69,7 @@ class InverseSettings:
         240.0, "time that the whole may take: the best result so far is kept then", unit="s", low=1.0, high=1e6
     )
     target: float = setting(0.5, "uncertainty of reflectances at which the search ends", unit="%", low=0.01, high=50.0)
-    levels: str = setting("all", "richest level that may be chosen", choices=("all", *LEVELS[:-1]))
+    levels: str = setting("all", "richest level that may be chosen", choices=("all", "diffuse", *LEVELS[2:-1]))
     method: str = setting(
         "joint",
         "joint: all groups together, two seeds against noise; source: ratios and fixed thresholds (Boivin 2001)",
@@ -124,7 +126,7 @@ class Model:
         """Return level and parameters as plain values."""
         values: dict[str, Any] = {"level": self.level}
         for name in COLOURED:
-            if name in FREE[self.level]:
+            if name in (FREE[self.level] or ("specular",)):  # a perfect mirror's, too, is said
                 values[f"rho_{name[0]}"] = getattr(self, name).tolist()
         if "alpha" in FREE[self.level]:
             values["alpha_x"], values["alpha_y"] = self.alphas

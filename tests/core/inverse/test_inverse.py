@@ -10,6 +10,7 @@ from pipeline.core.inverse import LEAST, MOST, Model, grey, known_reflectances, 
 from pipeline.core.inverse.estimate import agreed, better, combined, newton, unexplained
 from pipeline.core.inverse.lamps import powers
 from pipeline.core.inverse.photograph import averaged, inner, prepared, weights
+from pipeline.core.inverse.radiosity import corrections
 from pipeline.core.inverse.texture import light_on, reflectance_map, seen_reflectance, sharpened
 
 PIXELS = 40_000
@@ -217,3 +218,27 @@ def test_a_faint_reflectance_makes_a_surface_no_less_certain() -> None:
     assert uncertainty(found | {"rho_d": [0.3, 0.3, 0.3]}) == pytest.approx(2.0)
     assert uncertainty({"rho_d": [0.5, 0.1, 0.2], "deviation": {"diffuse": [0.01, 0.03, 0.02]}}) == pytest.approx(0.03)
     assert uncertainty({"level": "texture", "deviation": {}}) == 0
+
+
+def test_reflectances_follow_from_radiosity_at_once_where_ratios_are_far_off() -> None:
+    rng = np.random.default_rng(4)
+    exchanged = rng.uniform(0, 1, (5, 5))
+    exchanged *= 0.9 / exchanged.sum(axis=1, keepdims=True)
+    lamp = rng.uniform(0, 1, 5)
+    begun, true = np.full(5, 0.5), rng.uniform(0.2, 0.98, 5)
+
+    def radiances(rho: np.ndarray) -> np.ndarray:
+        return np.linalg.solve(np.eye(5) - rho[:, None] * exchanged, rho * lamp)
+
+    shown = radiances(begun)
+    glow = np.linalg.inv(np.eye(5) - begun[:, None] * exchanged) * shown / shown[:, None]
+    ratios = radiances(true) / shown
+    found = begun[:, None] * corrections(np.repeat(glow[..., None], 3, axis=2), np.repeat(ratios[:, None], 3, axis=1))
+    assert found == pytest.approx(np.repeat(true[:, None], 3, axis=1), rel=1e-9)
+    assert np.abs(begun * ratios / true - 1).max() > 0.3
+
+
+def test_what_noise_makes_of_gains_gives_reflectances_that_can_be() -> None:
+    gains = np.array([[0.9, 0.5], [-0.1, 0.6]])  # less than their own glow, light taken away, more than all light
+    factors = corrections(np.repeat(gains[..., None], 3, axis=2), np.array([[3.0] * 3, [0.5] * 3]))
+    assert ((factors > 0.1) & (factors <= 6)).all()

@@ -1,0 +1,74 @@
+"""What groups shine on each other where they glow, against what moving their reflectances changes."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from pipeline.blender.inverse import groups
+from pipeline.blender.inverse.evidence import Evidence
+from pipeline.blender.inverse.room import Room
+from pipeline.blender.inverse.together import derivatives
+from pipeline.core.inverse.photograph import prepared
+from pipeline.core.progress import finish
+from tests.blender import small_scenes
+
+WIDTH, HEIGHT = 40, 30
+SAMPLES = 256
+STEP = 0.1  # of a reflectance's logarithm
+
+
+@pytest.fixture
+def evidence() -> Evidence:
+    """A corner of floor and wall, one object, and a wall beside, all evenly lit by a sun; every group is grey."""
+    scene = small_scenes.empty()
+    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (1, 1, 2), (-1, 1, 2), (1, -1, 2)]
+    for name, parts in {
+        "Corner": {"Floor": (0, 1, 2, 3), "Wall": (3, 2, 4, 5)},
+        "Side": {"Side": (2, 1, 6, 4)},
+    }.items():
+        mesh = bpy.data.meshes.new(name)
+        mesh.from_pydata(corners, [], list(parts.values()))
+        for number, part in enumerate(parts):
+            mesh.materials.append(small_scenes.diffuse(part, 0.5))
+            mesh.polygons[number].material_index = number
+        scene.collection.objects.link(bpy.data.objects.new(name, mesh))
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.rotation_euler = (0.9, 0.0, -0.7)
+    scene.collection.objects.link(sun)
+    small_scenes.aim(scene, (-2.5, -4.0, 2.0), 0.7)
+    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
+    seen = prepared(np.ones((HEIGHT, WIDTH, 3)), 32, "linear", (WIDTH, HEIGHT), WIDTH)
+    room = Room(scene, groups.find(scene, "materials"), seen)
+    return Evidence(room, prepared(room.render(SAMPLES, 1), 32, "linear", (WIDTH, HEIGHT), WIDTH))
+
+
+def test_glow_shows_what_moving_a_reflectance_changes(evidence: Evidence) -> None:
+    room = evidence.room
+    numbers = range(len(room.groups))
+    shown = room.render(SAMPLES, 2, True)
+    gains = evidence.gains(shown, numbers, SAMPLES)
+    for moved in numbers:
+        with room.moving(moved, "diffuse", STEP):
+            changed = room.render(SAMPLES, 2, True)
+        for number in numbers:
+            slope = np.log(evidence.mean(changed, number) / evidence.mean(shown, number)) / STEP
+            assert gains[number, moved] == pytest.approx(slope, rel=0.12, abs=0.01), (number, moved)
+    assert gains[~np.eye(len(numbers), dtype=bool)].min() > 0.02  # there was light between them
+    assert [item.lightgroup for item in room.scene.objects] == [""] * len(room.scene.objects)
+    assert not room.scene.view_layers[0].lightgroups
+    assert np.array_equal(room.render(4, 3), room.render(4, 3))
+
+
+def test_derivatives_of_the_picture_are_its_changes(evidence: Evidence) -> None:
+    room = evidence.room
+    wanted = [(number, "diffuse") for number in range(len(room.groups))]
+    found = finish(derivatives(evidence, wanted)).mean(axis=0)
+    shown = room.render(SAMPLES, 2, True)
+    for (moved, kind), slopes in zip(wanted, found, strict=True):
+        with room.moving(moved, kind, STEP):
+            changed = room.render(SAMPLES, 2, True)
+        for number in range(len(room.groups)):
+            slope = (evidence.mean(changed, number) - evidence.mean(shown, number)) / STEP
+            assert evidence.mean(slopes, number) == pytest.approx(slope, rel=0.25, abs=0.01), (number, moved)
