@@ -163,6 +163,7 @@ def _figures(room: Any, found: Any, every: list[Any]) -> dict[str, Any]:
             "seen": seen,
             "pixels": found.pixels[number],
             "tried": found.tried[number],
+            "cost": found.costs[number],
         }
         if number in untold:
             described[group.name] = {"level": "kept", "seen": seen, "why": "the picture tells nothing of it"}

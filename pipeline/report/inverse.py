@@ -145,7 +145,9 @@ def _groups(r: Results) -> str:
     heads = ("group", "level", "diffuse", "specular", "slopes, angle", "uncertainty", "seen")
     rows = [_row(name, one) for name, one in r.found["groups"].items()]
     tried = [
-        [name, ", ".join(map(_trial, one["tried"]))] for name, one in r.found["groups"].items() if one.get("tried")
+        [name, ", ".join(map(_trial, one["tried"])), f"{one['cost']['renders']:g}, {one['cost']['seconds']:.1f} s"]
+        for name, one in r.found["groups"].items()
+        if one.get("tried")
     ]
     words = (
         "Uncertainty: the standard deviation that render noise causes, the largest of the group's reflectances, faint "
@@ -156,7 +158,7 @@ def _groups(r: Results) -> str:
     return html.section(
         "What each group reflects",
         html.table(heads, rows, ()),
-        html.table(("group", "levels tried"), tried, ()),
+        html.table(("group", "levels tried", "renders for them"), tried, ()),
         html.text(words, "soft"),
     )
 

@@ -10,15 +10,20 @@ import numpy as np
 import pytest
 
 from pipeline import cli
-from pipeline.blender import cycles
+from pipeline.blender import cycles, exr
+from pipeline.blender.inverse import groups
+from pipeline.blender.inverse.evidence import Evidence
+from pipeline.blender.inverse.room import Room
 from pipeline.blender.pixels import array
-from pipeline.core.inverse.photograph import averaged
+from pipeline.core.inverse.photograph import averaged, prepared
 from scenes import rooms
 from scenes.rooms import surface
+from tests.blender import small_scenes
 
 SLOPES, DEGREES, SPECULAR = (0.08, 0.3), 25.0, 0.55
 MIRROR = (0.8, 0.6, 0.5)
 FLOOR, BLOCK = (0.45, 0.4, 0.35), (0.5, 0.09, 0.07)
+TOY, ROUGHNESS = (0.4, 0.12, 0.1), 0.35
 SIZE = (112, 84)
 CELLS = (8, 8)
 
@@ -29,12 +34,12 @@ def stripes() -> np.ndarray:
     return np.stack([0.15 + 0.6 * (np.sin(12 * u + 5 * v) > 0), 0.2 + 0.5 * v, 0.6 - 0.4 * u], axis=-1)
 
 
-@pytest.mark.slow
-def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
+def table(angle: float = DEGREES) -> bpy.types.Scene:
+    """Return a table of surfaces, each of another level, under a lamp."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     rooms.quad(scene, "Floor", [(-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0)], surface("Floor", FLOOR))
-    plate = surface("Plate", (0.05,) * 3, (SPECULAR,) * 3, SLOPES, DEGREES)
+    plate = surface("Plate", (0.05,) * 3, (SPECULAR,) * 3, SLOPES, angle)
     rooms.quad(scene, "Plate", [(-0.7, -0.7, 0.01), (0.7, -0.7, 0.01), (0.7, 0.5, 0.01), (-0.7, 0.5, 0.01)], plate)
     poster = rooms.textured("Poster", stripes())
     rooms.quad(scene, "Poster", [(-1.7, 1, 0.1), (-0.3, 1, 0.1), (-0.3, 1, 1.5), (-1.7, 1, 1.5)], poster)
@@ -44,29 +49,55 @@ def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
     lying = [(-0.9, -1.05, 0.02), (-0.3, -1.05, 0.02), (-0.3, -0.72, 0.02), (-0.9, -0.72, 0.02)]  # shows the poster
     rooms.quad(scene, "Looking glass", lying, glass)
     rooms.block(scene, "Block", (1.2, -0.2, 0.25), (0.5, 0.5, 0.5), surface("Block", BLOCK), turn=20)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.22, location=(-1.15, -0.1, 0.22), segments=48, ring_count=24)
+    bpy.ops.object.shade_smooth()
+    toy = small_scenes.material("Toy", "ShaderNodeBsdfPrincipled", {"Base Color": (*TOY, 1.0), "Roughness": ROUGHNESS})
+    bpy.context.object.data.materials.append(toy)
     rooms.lamp(scene, (0.3, 0.3, 1.9), (0.8, 0.6), 60.0)
     rooms.camera(scene, (0, -3.6, 1.7), (0, 0.3, 0.5), 46.0)
     scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.cycles.samples, scene.cycles.seed, scene.cycles.use_adaptive_sampling = 1024, 99, False
+    return scene
+
+
+def photographed(scene: bpy.types.Scene, path: Path, samples: int) -> None:
+    scene.cycles.samples, scene.cycles.seed, scene.cycles.use_adaptive_sampling = samples, 99, False
     scene.cycles.blur_glossy = scene.cycles.sample_clamp_indirect = 0.0
     scene.render.use_file_extension = False
     with cycles.openexr(scene):
-        cycles.render(scene, tmp_path / "photograph.exr")
+        cycles.render(scene, path)
+
+
+@pytest.mark.parametrize("angle", [DEGREES, DEGREES + 90])
+def test_a_picture_tells_the_direction_of_brushing(angle: float, tmp_path: Path) -> None:
+    scene = table(angle)
+    photographed(scene, tmp_path / "photograph.exr", 128)
+    seen = prepared(exr.read_rgb(tmp_path / "photograph.exr"), 32, "linear", SIZE, SIZE[0])
+    room = Room(scene, groups.find(scene, "materials"), seen)
+    found = Evidence(room, seen).brushing([group.name for group in room.groups].index("Plate"))
+    assert found is not None and abs((found - angle + 90) % 180 - 90) <= 15
+
+
+@pytest.mark.slow
+def test_every_surface_has_its_level_and_what_that_has(tmp_path: Path) -> None:
+    scene = table()
+    photographed(scene, tmp_path / "photograph.exr", 1024)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "table.blend"))
     words = ["inverse", str(tmp_path / "table.blend"), str(tmp_path / "photograph.exr"), "-o", str(tmp_path / "out")]
     assert cli.main([*words, "--json", str(tmp_path / "found.json"), "--budget", "100"]) == 0
-    groups = json.loads((tmp_path / "found.json").read_text())["groups"]
+    figures = json.loads((tmp_path / "found.json").read_text())["groups"]
     wanted = {"Plate": "anisotropic", "Poster": "texture", "Mirror": "mirror", "Floor": "diffuse", "Block": "diffuse"}
-    wanted["Looking glass"] = "perfect-mirror"
-    assert {name: one["level"] for name, one in groups.items()} == wanted
-    found = groups["Plate"]
+    wanted |= {"Looking glass": "perfect-mirror", "Toy": "plastic"}
+    assert {name: one["level"] for name, one in figures.items()} == wanted
+    found = figures["Plate"]
     assert abs((found["angle"] - DEGREES + 90) % 180 - 90) < 8  # not 25 degrees the other way
     assert found["alpha_y"] == pytest.approx(SLOPES[1], rel=0.15)
     assert found["rho_s"] == pytest.approx([SPECULAR] * 3, rel=0.15)
-    assert groups["Mirror"]["rho_s"] == pytest.approx(MIRROR, rel=0.05)
-    assert groups["Looking glass"]["rho_s"] == [1.0, 1.0, 1.0]
-    assert groups["Floor"]["rho_d"] == pytest.approx(FLOOR, rel=0.04)
-    assert groups["Block"]["rho_d"] == pytest.approx(BLOCK, rel=0.1)
+    assert figures["Mirror"]["rho_s"] == pytest.approx(MIRROR, rel=0.05)
+    assert figures["Toy"]["rho_d"] == pytest.approx(TOY, rel=0.06)
+    assert figures["Toy"]["alpha_x"] == pytest.approx(ROUGHNESS**2, rel=0.15)
+    assert figures["Looking glass"]["rho_s"] == [1.0, 1.0, 1.0]
+    assert figures["Floor"]["rho_d"] == pytest.approx(FLOOR, rel=0.04)
+    assert figures["Block"]["rho_d"] == pytest.approx(BLOCK, rel=0.1)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "recovered.blend"))
     texels = array(bpy.data.images["Poster Reflectance"])
     seen, true = (averaged(averaged(one, CELLS[0], 0), CELLS[1], 1) for one in (texels, stripes()))

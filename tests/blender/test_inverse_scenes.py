@@ -123,7 +123,7 @@ def test_a_mesh_without_uvs_gets_some_and_the_selection_stays(still: bpy.types.S
 
 def test_pixels_tell_what_they_show(still: bpy.types.Scene) -> None:
     room = room_of(still)
-    index, _ = room.layers_of_pixels()
+    index, _, _ = room.layers_of_pixels()
     assert [lamp.name for lamp in room.lamps] == ["Lamp", "Panel", "Sky"]
     assert set(np.unique(index)) == {-4, -2, -1, 0, 1, 2, 3}
     shown = room.render(16, 1)
@@ -144,7 +144,7 @@ def test_lamps_shine_alone_and_add_up(still: bpy.types.Scene) -> None:
 def test_every_texture_that_is_painted_is_rendered(still: bpy.types.Scene) -> None:
     room = room_of(still)
     number = next(place for place, group in enumerate(room.groups) if group.name == "Checker")
-    index, _ = room.layers_of_pixels()
+    index, _, _ = room.layers_of_pixels()
     floor = index == number
     plain = None
     for value in (0.5, 0.1, 0.4, 0.2, 0.6, 0.05, 0.3, 0.15):

@@ -87,7 +87,7 @@ def test_a_room_has_lamps_and_a_camera_that_sees_every_group_or_a_mirror_of_it(n
     assert [item.type for item in scene.objects].count("LIGHT") == 1
     assert (scene.render.resolution_x, scene.render.resolution_y) == (160, 120)
     room = Room(scene, groups.find(scene, "materials"), Photograph(np.zeros((120, 160, 3)), np.ones((120, 160), bool)))
-    index, uv = room.layers_of_pixels()
+    index, uv, _ = room.layers_of_pixels()
     unseen = {group.name for number, group in enumerate(room.groups) if not (index == number).any()}
     assert unseen == ({"Cube back"} if name == "desk-room" else set())
     poster = index == next((n for n, group in enumerate(room.groups) if group.name == "Poster"), -2)

@@ -1,4 +1,4 @@
-"""The model of a group as nodes: a diffuse and a glossy closure, whose values are set in place."""
+"""The model of a group as nodes: a diffuse and a glossy closure, or a plastic, whose values are set in place."""
 
 from __future__ import annotations
 
@@ -10,16 +10,22 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import Model
+from ...core.inverse import IOR, Model
 from .. import pixels
 from ..nodes import Graph, new_material
 
-DIFFUSE, GLOSSY, TEXTURE, FACTOR = "Diffuse", "Gloss", "Reflectance", "Reflectance Factor"
+DIFFUSE, GLOSSY, PLASTIC = "Diffuse", "Gloss", "Plastic"
+TEXTURE, FACTOR = "Reflectance", "Reflectance Factor"
 
 
 def group_material(name: str, uv_layer: str) -> bpy.types.Material:
     """Make the material of a group; its brushing follows a layer of texture coordinates where there is one."""
     material = new_material(name)
+    _matt_and_glossy(material, uv_layer)
+    return material
+
+
+def _matt_and_glossy(material: bpy.types.Material, uv_layer: str) -> None:
     graph = Graph(material.node_tree)
     diffuse = graph.add("ShaderNodeBsdfDiffuse", 0, 0, name=DIFFUSE, label=DIFFUSE)
     glossy = graph.add("ShaderNodeBsdfAnisotropic", 0, 1.2, name=GLOSSY, label=GLOSSY, distribution="BECKMANN")
@@ -28,12 +34,29 @@ def group_material(name: str, uv_layer: str) -> bpy.types.Material:
         graph.feed(glossy.inputs["Tangent"], tangent.outputs[0])
     total = graph.add("ShaderNodeAddShader", 1.4, 0.4, inputs=(diffuse.outputs[0], glossy.outputs[0]))
     graph.feed(graph.add("ShaderNodeOutputMaterial", 2.4, 0.4).inputs["Surface"], total.outputs[0])
-    return material
 
 
-def show(material: bpy.types.Material, model: Model) -> None:
-    """Set a group's material to a model."""
+def _plastic(material: bpy.types.Material) -> None:
+    graph = Graph(material.node_tree)
+    plastic = graph.add("ShaderNodeBsdfPrincipled", 0, 0, name=PLASTIC, label=PLASTIC)
+    plastic.inputs["IOR"].default_value = IOR
+    graph.feed(graph.add("ShaderNodeOutputMaterial", 2.4, 0.4).inputs["Surface"], plastic.outputs[0])
+
+
+def show(material: bpy.types.Material, model: Model, uv_layer: str) -> None:
+    """Set a group's material to a model, see :func:`group_material`."""
     nodes = material.node_tree.nodes
+    is_plastic = model.level == "plastic"
+    if is_plastic != (PLASTIC in nodes):
+        nodes.clear()
+        if is_plastic:
+            _plastic(material)
+        else:
+            _matt_and_glossy(material, uv_layer)
+    if is_plastic:
+        _set(nodes[PLASTIC].inputs["Base Color"], model.diffuse)
+        nodes[PLASTIC].inputs["Roughness"].default_value = model.alpha**0.5
+        return
     _set(nodes[DIFFUSE].inputs["Color"], model.diffuse)
     glossy = nodes[GLOSSY].inputs
     _set(glossy["Color"], model.specular)

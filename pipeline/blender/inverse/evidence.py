@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.inverse.brushing import brushing
 from ...core.inverse.estimate import unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
 from ...core.inverse.texture import smoothed
@@ -37,6 +38,8 @@ class Evidence:
     index : (H, W) int
         What each pixel shows, see :meth:`Room.layers_of_pixels`.
     uv : (H, W, 2) float64
+    places : (H, W, 3) float64
+        What each pixel shows, in world coordinates.
     masks : list of (H, W) bool
         Each group's trusted pixels that are not at an edge.
     weight : (H, W, 3) float64
@@ -45,7 +48,7 @@ class Evidence:
     def __init__(self, room: Room, photograph: Photograph) -> None:
         self.room = room
         self.photograph = photograph.pixels
-        self.index, self.uv = room.layers_of_pixels()
+        self.index, self.uv, self.places = room.layers_of_pixels()
         self._trusted = photograph.trusted & ((self.index >= 0) | self.shines())
         kept = self._trusted & inner(self.index)
         count = len(room.groups)
@@ -115,6 +118,12 @@ class Evidence:
         pictures = self.room.glowing(means, self.samples(samples), self.next_seed())
         shares = [[self.mean(pictures[glowing], n) / means[n] for glowing in numbers] for n in numbers]
         return np.array(shares).reshape(len(numbers), len(numbers), 3)
+
+    def brushing(self, number: int) -> float | None:
+        """Return the direction in which the photograph shows a group brushed, see :func:`brushing`, if it does."""
+        if not self.room.layers[number]:
+            return None
+        return brushing(self.photograph, self.masks[number], self.places, self.uv, self.room.camera)
 
     def error(self, residuals: Array) -> tuple[float, float]:
         """Return the mean square relative error of the picture, and its standard deviation by noise."""

@@ -28,6 +28,8 @@ class Found:
         Pixels that show the group and are trusted.
     tried : list of list of dict
         Levels that were tried, each with its relative error.
+    costs : list of dict
+        ``renders`` and ``seconds`` that were spent on each group alone.
     lamps : list of dict
         ``name``, ``power``, ``unit`` and relative ``deviation`` of the lamps whose power was looked for.
     history : list of dict
@@ -42,6 +44,7 @@ class Found:
     seen: list[str]
     pixels: list[int]
     tried: list[list[dict[str, Any]]]
+    costs: list[dict[str, float]]
     lamps: list[dict[str, Any]] = field(default_factory=list)
     history: list[dict[str, Any]] = field(default_factory=list)
     pictures: dict[str, Array] = field(default_factory=dict)

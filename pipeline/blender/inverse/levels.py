@@ -5,27 +5,31 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.inverse import DISTRIBUTIONS, FREE, LEVELS, MOST, SHARP, STEPS, Model, moved
+from ...core.inverse import DISTRIBUTIONS, FREE, GGX, LEVELS, MOST, SHARP, STEPS, Model, moved
 from ...core.inverse.estimate import Fit, better, combined, newton, unexplained
 from ...core.progress import Progress, Work
 from .room import Room
 
 Array = NDArray[np.float64]
+Parts = tuple[list[Array], Array]  # pictures that are combined, and one beside them
+SMOOTH = 0.03  # slope of a plastic of which nothing is known, so that its derivative can be told
 SLOPES = (0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
 LIKE_MIRROR = 0.3  # of the diffuse model's mean square error: what a mirror explains that well has no wide lobe
 SHARP_LEVELS = ("perfect-mirror", "mirror", "diffuse-specular")  # of one lobe
-ANGLES = np.arange(0.0, 180.0, 30.0)
+ANGLES = tuple(np.arange(0.0, 180.0, 30.0))
 RATIO, WIDER = 4.0, 1.6  # at which angles are scanned, and factor between the slopes at which they are
 SHAPES = ("alpha", "ratio", "angle")
 LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, degrees
 TAILED = 0.8  # of Beckmann's slope, where the descent to a distribution of longer tails begins
 STEPS_DOWN, DAMPING, SETTLED = 5, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
+EXPLAINED = 0.03**2  # mean square relative error below which no other kind of lobe is looked for
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
 FINAL = 4  # times as many by which the best of every level are compared
@@ -64,12 +68,13 @@ def examined(
     mask: NDArray[np.bool_],
     photograph: Array,
     weight: Array,
-    most: str,
+    levels: Sequence[str],
     seeds: tuple[int, int],
     choose: Callable[[list[Tried]], Tried] = simplest,
     denoised: bool = False,
     closer: int = 1,
     distributions: Sequence[str] = DISTRIBUTIONS,
+    angles: Sequence[float] = ANGLES,
 ) -> Work[tuple[Model, list[dict[str, Any]]]]:
     """Return the model of a group that is chosen of the best of every level, and what was tried, diffuse first.
 
@@ -86,8 +91,8 @@ def examined(
     mask : (H, W) bool
         Its pixels.
     photograph, weight : (H, W, 3) float64
-    most : str
-        The richest of LEVELS that is tried.
+    levels : sequence of str
+        That are tried, of LEVELS.
     seeds : (int, int)
         Of the renders; two that are the same give least squares.
     choose : callable
@@ -98,46 +103,51 @@ def examined(
         Times the samples by which lobes are moved.
     distributions : sequence of str
         Of slopes that a lobe may have: the first, or another that explains more.
+    angles : sequence of float
+        From the texture's U to a brushing that is tried [degrees].
     """
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
-    levels = LEVELS[: LEVELS.index(most) + 1]
-    diffuse = group.shown(WHITE)
     lobes: dict[str, Model] = {level: _glossy(SHARP) for level in SHARP_LEVELS if level in levels}
     if "isotropic" in levels:
         now = room.models[number]
         known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
-        plain, sharp = group.fitted(diffuse), group.fitted(diffuse, group.shown(_glossy(SHARP)))
+        plain, sharp = group.fitted([group.diffuse]), group.explained(_glossy(SHARP))
         slopes = SLOPES if sharp.surely_below > LIKE_MIRROR * plain.error else SLOPES[:2]
-        best, fit = yield from group.best(diffuse, [*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
+        best, fit = yield from group.best([*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
         has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
         if has_lobe:
             best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
+        if "plastic" in levels and min(fit.surely_below, sharp.surely_below) > EXPLAINED:
+            start = now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH
+            lobes["plastic"], _ = yield from group.anew(3, closer).descended(_plastic(start), ("alpha",))
         lobes["isotropic"] = best
         trials = [one for one in known if one.ratio > 1]
         if has_lobe:
             wide = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
-            trials += [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in ANGLES]
+            trials += [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in angles]
         if "anisotropic" in levels and trials:
-            brushed, found = yield from group.best(diffuse, trials)
+            brushed, found = yield from group.best(trials)
             if better(fit, found, WORTH):
                 lobes["anisotropic"], _ = yield from group.anew(1, closer).shaped(brushed, SHAPES, distributions)
     group = group.anew(2, FINAL)
-    diffuse = group.shown(WHITE)
-    fit = group.fitted(diffuse)
+    fit = group.fitted([group.diffuse])
     tried = [Tried(Model("diffuse", _within(fit.factors[0]), np.zeros(3)), fit)]
-    mirrored = group.shown(_glossy(SHARP)) if lobes else diffuse
-    for level, lobe in lobes.items():
-        shown = mirrored if level in SHARP_LEVELS else group.shown(lobe)
-        rho_d, rho_s = np.zeros(3), np.ones(3)
+    mirrored = group.shown(_glossy(SHARP)) if lobes else group.diffuse
+    for level in [level for level in LEVELS if level in lobes]:
+        rho_d, rho_s = np.zeros(3), np.zeros(3)
         if level == "perfect-mirror":
-            fit = group.judged(shown)
+            fit, rho_s = group.judged(mirrored), np.ones(3)
         elif level == "mirror":
-            fit = group.fitted(shown)
+            fit = group.fitted([mirrored])
             rho_s = _within(fit.factors[0])
+        elif level == "plastic":
+            fit = group.explained(lobes[level])
+            rho_d = _within(fit.factors[0])
         else:
-            fit = group.fitted(diffuse, shown)
+            shown = mirrored if level in SHARP_LEVELS else group.shown(lobes[level])
+            fit = group.fitted([group.diffuse, shown])
             rho_d, rho_s = map(_within, fit.factors)
-        tried.append(Tried(dataclasses.replace(lobe, level=level, diffuse=rho_d, specular=rho_s), fit))
+        tried.append(Tried(dataclasses.replace(lobes[level], level=level, diffuse=rho_d, specular=rho_s), fit))
         yield Progress("levels", 1, 2)
     return choose(tried).model, [one.as_json() for one in tried]
 
@@ -155,29 +165,49 @@ class _Group:
     denoised: bool
     times: int = 1
 
+    @cached_property
+    def diffuse(self) -> Array:
+        """Pictures (2, P, 3) of a white diffuse surface."""
+        return self.shown(WHITE)
+
     def shown(self, model: Model) -> Array:
         """Return pictures (2, P, 3) of a model, as they are at reflectance 1."""
+        return self._rendered(model) / HALF
+
+    def _rendered(self, model: Model) -> Array:
         samples = self.times * int(np.clip(ENOUGH / self.mask.sum(), *SAMPLES))
         with self.room.trying(self.number, model):
             shown = {s: self.room.pixels(self.mask, samples, s, True, self.denoised) for s in set(self.seeds)}
-        return np.stack([shown[seed] for seed in self.seeds]) / HALF
+        return np.stack([shown[seed] for seed in self.seeds])
+
+    def parts(self, lobe: Model) -> Parts:
+        """Return the pictures (2, P, 3) that a model of a lobe's shape combines, and what it shows beside them."""
+        if lobe.level != "plastic":
+            return [self.diffuse, self.shown(lobe)], np.zeros_like(self.diffuse)
+        coat = self._rendered(dataclasses.replace(lobe, diffuse=np.zeros(3)))
+        return [(self._rendered(lobe) - coat) / HALF], coat
 
     def anew(self, number: int, times: int) -> _Group:
         """Return the same with other seeds and so many times the samples."""
         return dataclasses.replace(self, seeds=tuple(seed + number * AGAIN for seed in self.seeds), times=times)
 
-    def fitted(self, *bases: Array) -> Fit:
-        return combined(np.stack(bases, axis=1), self.photograph, self.weight)
+    def fitted(self, bases: Sequence[Array], beside: Array | float = 0.0) -> Fit:
+        """Fit pictures, and another that is as it is, to the photograph."""
+        return combined(np.stack(bases, axis=1), self.photograph - beside, self.weight)
+
+    def explained(self, lobe: Model) -> Fit:
+        """Return what models of a lobe's shape explain."""
+        return self.fitted(*self.parts(lobe))
 
     def judged(self, shown: Array) -> Fit:
         """Return what pictures explain as they are."""
         return Fit(np.ones((1, 3)), *unexplained(self.photograph - shown, self.weight))
 
-    def best(self, diffuse: Array, lobes: Iterable[Model]) -> Work[tuple[Model, Fit]]:
+    def best(self, lobes: Iterable[Model]) -> Work[tuple[Model, Fit]]:
         """Return the lobe that explains most beside a diffuse part."""
         tried = []
         for lobe in lobes:
-            tried.append((lobe, self.fitted(diffuse, self.shown(lobe))))
+            tried.append((lobe, self.explained(lobe)))
             yield Progress("levels", 1, 2)
         return min(tried, key=lambda pair: pair[1].surely_below)
 
@@ -197,39 +227,46 @@ class _Group:
         Reflectances are solved for at every step. Seeds stay the same, so that the error is a smooth function of the
         lobe.
         """
-        diffuse, picture = self.shown(WHITE), self.shown(lobe)
-        fit, damping = self.fitted(diffuse, picture), DAMPING
+        parts = self.parts(lobe)
+        fit, damping = self.fitted(*parts), DAMPING
         changes: list[Array] = []
         for _ in range(STEPS_DOWN):
             for kind in () if changes else kinds:
-                changes.append((self.shown(moved(lobe, kind, STEPS[kind])) - picture) / STEPS[kind])
+                there = self.parts(moved(lobe, kind, STEPS[kind]))
+                changes.append((_sum(there, fit.factors) - _sum(parts, fit.factors)) / STEPS[kind])
                 yield Progress("levels", 1, 2)
-            by = self._step(diffuse, picture, fit, changes, damping)
+            by = self._step(parts, fit, changes, damping)
             shares = [value / LONGEST[kind] for kind, value in zip(kinds, by, strict=True)]
             if np.abs(shares).max() < SETTLED:
                 break
             candidate = lobe
             for kind, share in zip(kinds, shares, strict=True):
                 candidate = moved(candidate, kind, LONGEST[kind] * np.clip(share, -1, 1))
-            there = self.shown(candidate)
-            found = self.fitted(diffuse, there)
+            there = self.parts(candidate)
+            found = self.fitted(*there)
             if found.error < fit.error:
-                lobe, picture, fit, damping, changes = candidate, there, found, damping / 10, []
+                lobe, parts, fit, damping, changes = candidate, there, found, damping / 10, []
             else:
                 damping *= 30
         return lobe, fit
 
-    def _step(self, diffuse: Array, picture: Array, fit: Fit, changes: list[Array], damping: float) -> Array:
-        """Return the Gauss-Newton step of a lobe's shape beside that of both reflectances."""
-        rho_d, rho_s = fit.factors
-        columns = [
-            one[..., colour : colour + 1] * np.eye(3)[colour] for one in (diffuse, picture) for colour in range(3)
-        ]
-        columns += [change * rho_s for change in changes]
-        residuals = self.photograph - rho_d * diffuse - rho_s * picture
-        jacobians = np.stack([column.reshape(2, -1) for column in columns], axis=1)
+    def _step(self, parts: Parts, fit: Fit, changes: list[Array], damping: float) -> Array:
+        """Return the Gauss-Newton step of a lobe's shape beside that of the reflectances."""
+        columns = [one[..., colour : colour + 1] * np.eye(3)[colour] for one in parts[0] for colour in range(3)]
+        residuals = self.photograph - _sum(parts, fit.factors)
+        jacobians = np.stack([column.reshape(2, -1) for column in (*columns, *changes)], axis=1)
         step, _ = newton(jacobians, residuals.reshape(2, -1), self.weight.ravel(), damping, same_seeds=True)
-        return step[6:]
+        return step[len(columns) :]
+
+
+def _sum(parts: Parts, factors: Array) -> Array:
+    """Return what pictures of reflectance 1 show at others, (2, P, 3), with what is shown beside them."""
+    bases, beside = parts
+    return np.asarray(beside + sum(factor * one for one, factor in zip(bases, factors, strict=True)))
+
+
+def _plastic(alpha: float) -> Model:
+    return Model("plastic", np.full(3, HALF), np.zeros(3), alpha, distribution=GGX)
 
 
 def _glossy(alpha: float, ratio: float = 1.0, angle: float = 0.0) -> Model:

@@ -92,10 +92,9 @@ class Room:
         self.areas = [_area(group) for group in self.groups]
         self.steady_bounces = STEADY_BOUNCES[0]
         self.materials = []
+        self._directions = ["" if layer == PROJECTED else layer for layer in self.layers]  # what brushing follows
         for number, group in enumerate(self.groups):
-            self.materials.append(
-                closures.group_material(group.name, "" if self.layers[number] == PROJECTED else self.layers[number])
-            )
+            self.materials.append(closures.group_material(group.name, self._directions[number]))
             for item, slot in group.slots:
                 item.material_slots[slot].material = self.materials[-1]
         self.models: list[Model] = [grey()] * len(self.groups)
@@ -117,7 +116,7 @@ class Room:
     def show(self, number: int, model: Model) -> None:
         """Let a group show a model."""
         self.models[number] = model
-        closures.show(self.materials[number], model)
+        closures.show(self.materials[number], model, self._directions[number])
 
     def power(self, number: int, factor: float) -> None:
         """Let a lamp shine by a factor of what it does in the scene."""
@@ -241,6 +240,16 @@ class Room:
         self.seconds += time.perf_counter() - start
         return channels
 
+    @contextlib.contextmanager
+    def counted(self, cost: dict[str, float]) -> Iterator[None]:
+        """Add the ``renders`` made meanwhile and their ``seconds`` to a cost."""
+        renders, seconds = self.renders, self.seconds
+        try:
+            yield
+        finally:
+            cost["renders"] += self.renders - renders
+            cost["seconds"] += self.seconds - seconds
+
     def pixels(
         self, mask: NDArray[np.bool_], samples: int, seed: int, steady: bool = False, denoised: bool = False
     ) -> Array:
@@ -249,8 +258,8 @@ class Room:
         top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
         return self.render(samples, seed, steady, (top, bottom, left, right), denoised)[mask[top:bottom, left:right]]
 
-    def layers_of_pixels(self) -> tuple[NDArray[np.int64], Array]:
-        """Return what each pixel shows, (H, W), and its texture coordinates, (H, W, 2).
+    def layers_of_pixels(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return what each pixel shows, (H, W), its texture coordinates, (H, W, 2), and its place, (H, W, 3).
 
         The number of a group, -1 for nothing but the world, -2 for a surface that is kept, and -3 - n for one of those
         by which lamp n shines.
@@ -258,7 +267,7 @@ class Room:
         shown = {material: number for number, material in enumerate(self.materials)}
         shown |= {lamp.material: -3 - number for number, lamp in enumerate(self.lamps) if lamp.material}
         layer = self.scene.view_layers[0]
-        wanted = dict.fromkeys(("use_pass_material_index", "use_pass_uv"), True)
+        wanted = dict.fromkeys(("use_pass_material_index", "use_pass_uv", "use_pass_position"), True)
         with (
             cycles.measuring(self.scene, self.camera, cycles.DIRECT),
             cycles.openexr(self.scene, layers=True),
@@ -272,9 +281,12 @@ class Room:
             cycles.render(self.scene, path)
             channels = exr.read(path)
         index = _named(channels, "IndexMA.X", "Material Index.X")
-        uv = np.stack([_named(channels, f"UV.{axis}") for axis in "UV"], axis=-1)
+        uv, places = (
+            np.stack([_named(channels, f"{name}.{axis}") for axis in axes], axis=-1).astype(np.float64)
+            for name, axes in (("UV", "UV"), ("Position", "XYZ"))
+        )
         numbers = index.round().astype(np.int64)
-        return np.where(numbers == 0, -1, numbers - OFFSET), uv.astype(np.float64)
+        return np.where(numbers == 0, -1, numbers - OFFSET), uv, places
 
     def count_bounces(self) -> None:
         """Let steady pictures follow light until the usual path has lost enough of it, as the groups are now."""

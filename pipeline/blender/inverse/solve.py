@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -31,7 +31,7 @@ from .evidence import STEADY, Evidence
 from .found import Found
 from .groups import place_of
 from .lamps import found_lamps, start_lamps
-from .levels import Tried, examined, simplest
+from .levels import ANGLES, Tried, examined, simplest
 from .paint import paint
 from .room import Room, State
 from .together import LONGEST, Unknown, derivatives, step, unknowns
@@ -71,6 +71,7 @@ class Search:
     """
 
     distributions: tuple[str, ...] = DISTRIBUTIONS
+    untried: tuple[str, ...] = ()  # levels
 
     def __init__(self, room: Room, photograph: Photograph, settings: InverseSettings) -> None:
         self.room, self.settings = room, settings
@@ -89,6 +90,7 @@ class Search:
         self.masks = self.evidence.masks
         self.patterned: set[int] = set()  # groups whose picture no lobe explains
         self.tried: list[list[dict[str, Any]]] = [[] for _ in names]
+        self.costs = [{"renders": 0.0, "seconds": 0.0} for _ in names]  # of what was rendered for one group alone
         self.deviations: dict[Unknown, list[float]] = {}
         self.seen = ["directly" if mask.any() else "not at all" for mask in self.masks]
         self.history: list[dict[str, Any]] = []
@@ -138,7 +140,7 @@ class Search:
         spread = [self._deviation(number) for number in range(len(room.groups))]
         lamps = found_lamps(room, [self.deviations.get((n, POWER), [None])[0] for n in room.free_lamps])
         pixels = [int(mask.sum()) for mask in self.masks]
-        return Found(room.models, spread, self.seen, pixels, self.tried, lamps, self.history, self.pictures)
+        return Found(room.models, spread, self.seen, pixels, self.tried, self.costs, lamps, self.history, self.pictures)
 
     def _diffuse(self) -> Work[None]:
         """Let every group be diffuse: see :mod:`pipeline.core.inverse.radiosity`."""
@@ -205,11 +207,11 @@ class Search:
         before = list(self.room.models)
         levels = [model.level for model in before]
         for number, level in enumerate(levels):
-            if level not in ("diffuse", "texture"):
+            if level not in ("diffuse", "texture") and self._spent() < LEVELS_END:
                 best = yield from self._examined(number, closer=CLOSER)
                 self._choose(number, best)
         for number, level in enumerate(levels):
-            if level == "texture":
+            if level == "texture" and self._spent() < LEVELS_END:
                 yield from self._paint_if_needed(number)
         moved = [np.abs(now.specular - old.specular).max() for now, old in zip(self.room.models, before, strict=True)]
         return levels != [model.level for model in self.room.models] or max(moved) > MOVED
@@ -246,13 +248,20 @@ class Search:
         seeds = seed, seed if denoised else evidence.next_seed()
         if self.settings.levels != "all":
             most = min(most, self.settings.levels, key=LEVELS.index)
+        levels = [level for level in LEVELS[: LEVELS.index(most) + 1] if level not in self.untried]
         self.room.paint(number, None)
         mask, weight, photograph = self.masks[number], evidence.weight, evidence.photograph
-        rest = (choose, denoised, closer, self.distributions)
-        work = examined(self.room, number, mask, photograph, weight, most, seeds, *rest)
+        rest = (choose, denoised, closer, self.distributions, self._angles(number))
+        work = examined(self.room, number, mask, photograph, weight, levels, seeds, *rest)
         words = f"levels of {self.room.groups[number].name}"
-        model, self.tried[number] = yield from retold(work, partial(self._told, words))
+        with self.room.counted(self.costs[number]):
+            model, self.tried[number] = yield from retold(work, partial(self._told, words))
         return model
+
+    def _angles(self, number: int) -> Sequence[float]:
+        """Return the directions of a group's brushing that are tried [degrees]."""
+        told = self.evidence.brushing(number)
+        return ANGLES if told is None else (*ANGLES, told)
 
     def _left(self, number: int) -> float:
         """Return the relative error that the best lobe leaves of a group."""
@@ -267,7 +276,8 @@ class Search:
         """Give a group's pixels the texture that they show; it leaves no error by its making."""
         self.tried[number].append({"level": "texture", "error": 0.0, "surely_below": 0.0})
         self._choose(number, Model("texture", np.ones(3), np.zeros(3)))
-        paint(self.evidence, number)
+        with self.room.counted(self.costs[number]):
+            paint(self.evidence, number)
 
     def _paint_if_needed(self, number: int) -> Work[None]:
         """Paint a texture anew with the surroundings as they are now, unless one reflectance explains the group now."""

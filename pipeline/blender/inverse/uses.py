@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ LEVEL = 0.9  # upward part of the normal of what a thing can stand on
 BALL, MIRROR = 0.07, 0.9  # radius over the distance from the camera, and reflectance
 LARGEST = 0.2  # share of the picture that a thing may cover that is taken away
 POWER = 40.0  # of the lamp beside the camera over the squared distance [W/m^2]
+DYE = np.array([0.4, 0.7, 1.0])  # of a group that is given another colour
 ASIDE = (-0.35, 0.25)  # where it is, to the right and up, over the distance
 
 
@@ -52,7 +54,7 @@ def pictures(room: Room) -> Work[dict[str, NDArray[np.float64]]]:
         return {}
     found = {}
     for number, way in enumerate(WAYS):
-        with way(scene, seen) as told:
+        with way(room, seen) as told:
             if told:
                 scene.view_layers[0].update()
                 found[told] = room.render(SAMPLES, SEED + number, denoised=True)
@@ -85,8 +87,9 @@ def _reach(scene: bpy.types.Scene, seen: list[Seen]) -> float:
 
 
 @contextlib.contextmanager
-def _another_view(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
+def _another_view(room: Room, seen: list[Seen]) -> Iterator[str]:
     """Turn the camera about what is in the middle of the picture."""
+    scene = room.scene
     pivot = min(seen, key=lambda one: one.off).point
     before = scene.camera.matrix_world.copy()
     about = Matrix.Translation(pivot) @ Matrix.Rotation(np.radians(TURN), 4, "Z") @ Matrix.Translation(-pivot)
@@ -98,8 +101,9 @@ def _another_view(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _another_light(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
+def _another_light(room: Room, seen: list[Seen]) -> Iterator[str]:
     """Put the lamps out and a small one beside the camera."""
+    scene = room.scene
     lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
     reach = _reach(scene, seen)
     with lamp(scene, "near") as small, contextlib.ExitStack() as stack:
@@ -111,8 +115,9 @@ def _another_light(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _ball_put_in(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
+def _ball_put_in(room: Room, seen: list[Seen]) -> Iterator[str]:
     """Stand a mirror ball on the level place nearest to the middle of the picture."""
+    scene = room.scene
     level = [one for one in seen if abs(one.normal.z) > LEVEL and one.point.z < scene.camera.matrix_world.translation.z]
     if not level:
         yield ""
@@ -120,7 +125,7 @@ def _ball_put_in(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
     place = min(level, key=lambda one: one.off).point
     radius = BALL * (place - scene.camera.matrix_world.translation).length
     mirror = closures.group_material("Lightsphere", "")
-    closures.show(mirror, Model("mirror", np.zeros(3), np.full(3, MIRROR)))
+    closures.show(mirror, Model("mirror", np.zeros(3), np.full(3, MIRROR)), "")
     item = add_mesh(scene, "Lightsphere", ball(), mirror)
     item.scale, item.location = (radius,) * 3, place + Vector((0.0, 0.0, radius))
     try:
@@ -133,7 +138,7 @@ def _ball_put_in(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _thing_taken_away(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]:
+def _thing_taken_away(room: Room, seen: list[Seen]) -> Iterator[str]:
     """Take the largest thing away of those that are no walls."""
     counts = {item: sum(one.item == item for one in seen) for item in {one.item for one in seen}}
     things = [item for item, count in counts.items() if count < LARGEST * GRID**2 and min(item.dimensions) > 0]
@@ -145,5 +150,21 @@ def _thing_taken_away(scene: bpy.types.Scene, seen: list[Seen]) -> Iterator[str]
         yield f"{taken.name} taken away."
 
 
-Way = Callable[[bpy.types.Scene, list[Seen]], contextlib.AbstractContextManager[str]]
-WAYS: tuple[Way, ...] = (_another_view, _another_light, _ball_put_in, _thing_taken_away)
+@contextlib.contextmanager
+def _another_colour(room: Room, seen: list[Seen]) -> Iterator[str]:
+    """Give the matt group that is seen most another colour."""
+    counts = [
+        sum(any(one.item == item for item, _ in group.slots) for one in seen) if model.level == "diffuse" else 0
+        for group, model in zip(room.groups, room.models, strict=True)
+    ]
+    if not any(counts):
+        yield ""
+        return
+    number = int(np.argmax(counts))
+    colour = dataclasses.replace(room.models[number], diffuse=room.models[number].diffuse[::-1] * DYE)
+    with room.trying(number, colour):
+        yield f"{room.groups[number].name} in another colour."
+
+
+Way = Callable[[Room, list[Seen]], contextlib.AbstractContextManager[str]]
+WAYS: tuple[Way, ...] = (_another_view, _another_light, _ball_put_in, _thing_taken_away, _another_colour)

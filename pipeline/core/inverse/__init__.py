@@ -5,6 +5,7 @@ Surfaces that share a reflectance are a group. Every group has a model of a leve
     diffuse           rho_d
     perfect-mirror    rho_s = 1, as sharp as Cycles can
     mirror            rho_s, as sharp
+    plastic           rho_d below a smooth or rough boundary of IOR, by Fresnel's law, of slope alpha (GGX)
     diffuse-specular  rho_d and a sharp rho_s
     isotropic         rho_d, rho_s and the slope alpha of a lobe, Beckmann's or, of longer tails, GGX
     anisotropic       alpha along and across a direction of the texture's U
@@ -27,17 +28,19 @@ from numpy.typing import NDArray
 from ..errors import LightsphereError
 from ..settings import setting
 
-LEVELS = ("diffuse", "perfect-mirror", "mirror", "diffuse-specular", "isotropic", "anisotropic", "texture")
+LEVELS = ("diffuse", "perfect-mirror", "mirror", "plastic", "diffuse-specular", "isotropic", "anisotropic", "texture")
 #: What each level estimates.
 FREE = {
     "diffuse": ("diffuse",),
     "perfect-mirror": (),
     "mirror": ("specular",),
+    "plastic": ("diffuse", "alpha"),
     "diffuse-specular": ("diffuse", "specular"),
     "isotropic": ("diffuse", "specular", "alpha"),
     "anisotropic": ("diffuse", "specular", "alpha", "ratio", "angle"),
     "texture": ("diffuse",),
 }
+IOR = 1.5  # of plastics, varnish, glass and most else that is no metal; Blender's own
 BECKMANN, GGX = DISTRIBUTIONS = ("beckmann", "ggx")
 POWER = "power"  # the one parameter of a lamp
 COLOURED = ("diffuse", "specular")  # parameters with a value for every colour; the others serve all three

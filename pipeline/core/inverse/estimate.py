@@ -106,17 +106,21 @@ def combined(bases: Array, photograph: Array, weight: Array) -> Fit:
     ----------
     bases : (2, N, P, 3) float64
         Two seeds of N pictures.
-    photograph, weight : (P, 3) float64
+    photograph : (P, 3) or (2, P, 3) float64
+        Less what each seed shows beside the bases, if it does.
+    weight : (P, 3) float64
     """
     factors = np.zeros((bases.shape[1], 3))
+    wanted = np.broadcast_to(photograph, bases[:, 0].shape)
     for colour in range(3):
         first, second = bases[0, :, :, colour], bases[1, :, :, colour]
-        y, w = photograph[:, colour], weight[:, colour]
+        y, w = wanted[..., colour], weight[:, colour]
         normal = (first * w) @ second.T
+        right = (first * w) @ y[1] + (second * w) @ y[0]
         told = np.flatnonzero(agreed(first, second, w))
         symmetric = ((normal + normal.T) / 2)[np.ix_(told, told)]
-        factors[told, colour] = _non_negative(symmetric, ((first + second) / 2 * w)[told] @ y)
-    residuals = photograph - np.einsum("snpc,nc->spc", bases, factors)
+        factors[told, colour] = _non_negative(symmetric, right[told] / 2)
+    residuals = wanted - np.einsum("snpc,nc->spc", bases, factors)
     return Fit(factors, *unexplained(residuals, weight))
 
 

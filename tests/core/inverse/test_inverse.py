@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.core.camera import Camera
 from pipeline.core.errors import LightsphereError
 from pipeline.core.inverse import LEAST, MOST, Model, grey, known_reflectances, moved, uncertainty
+from pipeline.core.inverse.brushing import brushing
 from pipeline.core.inverse.estimate import agreed, better, combined, newton, unexplained
 from pipeline.core.inverse.lamps import powers
 from pipeline.core.inverse.photograph import averaged, inner, prepared, weights
@@ -35,6 +37,18 @@ def test_two_seeds_give_planted_factors_where_least_squares_are_biased(bases: tu
     plain = [np.linalg.lstsq(noisy[0, :, :, c].T, photograph[:, c], rcond=None)[0] for c in range(3)]
     assert np.abs(np.transpose(plain) - factors).max() > 0.1
     assert (fit.factors >= 0).all()
+
+
+def test_what_is_shown_beside_the_bases_is_taken_off_each_seed_without_bias(
+    bases: tuple[np.ndarray, np.ndarray],
+) -> None:
+    true, noisy = bases
+    photograph = 0.4 * (true[0] - true[1]) + true[1]
+    basis, beside = noisy[:, 0] - noisy[:, 1], noisy[:, 1]  # a difference to it: one noise is in both
+    fit = combined(basis[:, None], photograph - beside, np.ones((PIXELS, 3)))
+    assert fit.factors[0] == pytest.approx(0.4, abs=0.03)
+    plain = (basis[0] * (photograph - beside[0])).sum(axis=0) / (basis[0] ** 2).sum(axis=0)
+    assert np.abs(plain - 0.4).min() > 0.03
 
 
 def test_render_noise_is_no_error_and_a_wrong_model_is(bases: tuple[np.ndarray, np.ndarray]) -> None:
@@ -242,3 +256,53 @@ def test_what_noise_makes_of_gains_gives_reflectances_that_can_be() -> None:
     gains = np.array([[0.9, 0.5], [-0.1, 0.6]])  # less than their own glow, light taken away, more than all light
     factors = corrections(np.repeat(gains[..., None], 3, axis=2), np.array([[3.0] * 3, [0.5] * 3]))
     assert ((factors > 0.1) & (factors <= 6)).all()
+
+
+def streaks(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Camera]:
+    """A tilted plate, brushed at an angle from its U [degrees], that shows small bright things smeared across it."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = 0.1, -0.2, 3.0
+    camera = Camera("pinhole", matrix, (64, 48), (90.0, 90.0), (32.0, 24.0))
+    origins, directions = camera.rays()
+    normal = np.array([0.3, -0.5, 1.0]) / np.linalg.norm([0.3, -0.5, 1.0])
+    depth = -(origins @ normal) / (directions @ normal)
+    places = origins + depth[..., None] * directions
+    u = np.cross([0.2, 1.0, 0.0], normal)
+    u /= np.linalg.norm(u)
+    v = np.cross(normal, u)
+    uv = 0.3 * np.stack([places @ u, places @ v], axis=-1) + 0.5
+    turned = np.radians(angle)
+    wide = np.cos(turned) * v - np.sin(turned) * u
+    rng = np.random.default_rng(3)
+    centres = rng.uniform((0, 0), (48, 64), (60, 2)).astype(int)
+    picture = np.full((48, 64), 0.05)
+    rows, columns = np.mgrid[:48, :64] + 0.5
+    for row, column in centres:
+        place, towards = places[row, column], directions[row, column]
+        smear = wide * (towards @ normal) - normal * (towards @ wide)
+        ends = camera.project(np.stack([place, place + 1e-3 * smear]))[0]
+        along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+        off = np.stack([columns - ends[0, 0], rows - ends[0, 1]], axis=-1)
+        far = off @ along
+        aside = off @ np.array([-along[1], along[0]])
+        picture += np.exp(-((far / 10) ** 2) - (aside / 1.5) ** 2)
+    mask = np.ones((48, 64), bool)
+    return np.repeat(picture[..., None], 3, axis=2), mask, places, uv, camera
+
+
+@pytest.mark.parametrize("angle", [0.0, 25.0, 80.0, 140.0])
+def test_the_brushing_is_told_by_what_reflections_are_smeared_along(angle: float) -> None:
+    photograph, mask, places, uv, camera = streaks(angle)
+    found = brushing(photograph, mask, places, uv, camera)
+    assert found is not None and abs((found - angle + 90) % 180 - 90) <= 5
+    turned = brushing(photograph, mask, places, uv[..., ::-1] * np.array([1.0, -1.0]), camera)  # U by 90 degrees
+    assert turned is not None and abs((turned - found) % 180 - 90) <= 5
+
+
+def test_nothing_is_told_of_a_curved_surface_and_of_few_pixels() -> None:
+    photograph, mask, places, uv, camera = streaks(25.0)
+    bent = places + 0.5 * (places[..., :1] - places[..., :1].mean()) ** 2
+    assert brushing(photograph, mask, bent, uv, camera) is None
+    few = np.zeros_like(mask)
+    few[:5, :5] = True
+    assert brushing(photograph, few, places, uv, camera) is None
