@@ -29,7 +29,7 @@ LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, 
 TAILED = 0.8  # of Beckmann's slope, where the descent to a distribution of longer tails begins
 STEPS_DOWN, DAMPING, SETTLED = 5, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
-EXPLAINED = 0.03**2  # mean square relative error below which no other kind of lobe is looked for
+EXPLAINED = 0.03**2  # mean square relative error of a lobe below which no other kind is looked for
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
 FINAL = 4  # times as many by which the best of every level are compared
@@ -117,9 +117,11 @@ def examined(
         has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
         if has_lobe:
             best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
-        if "plastic" in levels and min(fit.surely_below, sharp.surely_below) > EXPLAINED:
-            start = now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH
-            lobes["plastic"], _ = yield from group.anew(3, closer).descended(_plastic(start), ("alpha",))
+        left = min(fit.surely_below, sharp.surely_below)
+        if "plastic" in levels and left > EXPLAINED:
+            start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
+            if group.explained(start).surely_below < left:
+                lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
         lobes["isotropic"] = best
         trials = [one for one in known if one.ratio > 1]
         if has_lobe:
