@@ -39,7 +39,7 @@ from .together import LONGEST, Unknown, derivatives, step, unknowns
 Array = NDArray[np.float64]
 DIFFUSE_SAMPLES = (4, 4, 8, 16)  # of the rounds that begin a search
 ROUNDS = 6  # of looking for levels
-LEVELS_END = 0.7  # share of the budget after which that ends: the last moves are of all groups, and give the error bars
+LEVELS_END = 0.6  # share of the budget after which that ends: the last moves are of all groups, and give the error bars
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
 LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves more is not explained by lobes
