@@ -121,7 +121,7 @@ class Evidence:
 
     def brushing(self, number: int) -> float | None:
         """Return the direction in which the photograph shows a group brushed, see :func:`brushing`, if it does."""
-        if not self.room.layers[number]:
+        if not self.room.directions[number]:
             return None
         return brushing(self.photograph, self.masks[number], self.places, self.uv, self.room.camera)
 

@@ -108,7 +108,7 @@ def examined(
     """
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
     lobes: dict[str, Model] = {level: _glossy(SHARP) for level in SHARP_LEVELS if level in levels}
-    if "isotropic" in levels:
+    if "isotropic" in levels or "plastic" in levels:
         now = room.models[number]
         known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
         plain, sharp = group.fitted([group.diffuse]), group.explained(_glossy(SHARP))
@@ -122,7 +122,8 @@ def examined(
             start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
             if group.explained(start).surely_below < left:
                 lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
-        lobes["isotropic"] = best
+        if "isotropic" in levels:
+            lobes["isotropic"] = best
         trials = [one for one in known if one.ratio > 1]
         if has_lobe:
             wide = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]

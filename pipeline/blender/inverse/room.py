@@ -65,6 +65,8 @@ class Room:
         Those whose power is looked for.
     known : dict of int to (3,) float64
         Groups whose reflectance is known.
+    layers, directions : list of str
+        Layers of texture coordinates that groups have, and that their brushing follows; empty where there is none.
     own : dict
         The scene's render settings that are others as long as the room is rendered.
     renders, samples, seconds
@@ -92,9 +94,9 @@ class Room:
         self.areas = [_area(group) for group in self.groups]
         self.steady_bounces = STEADY_BOUNCES[0]
         self.materials = []
-        self._directions = ["" if layer == PROJECTED else layer for layer in self.layers]  # what brushing follows
+        self.directions = ["" if layer == PROJECTED else layer for layer in self.layers]
         for number, group in enumerate(self.groups):
-            self.materials.append(closures.group_material(group.name, self._directions[number]))
+            self.materials.append(closures.group_material(group.name, self.directions[number]))
             for item, slot in group.slots:
                 item.material_slots[slot].material = self.materials[-1]
         self.models: list[Model] = [grey()] * len(self.groups)
@@ -116,7 +118,7 @@ class Room:
     def show(self, number: int, model: Model) -> None:
         """Let a group show a model."""
         self.models[number] = model
-        closures.show(self.materials[number], model, self._directions[number])
+        closures.show(self.materials[number], model, self.directions[number])
 
     def power(self, number: int, factor: float) -> None:
         """Let a lamp shine by a factor of what it does in the scene."""

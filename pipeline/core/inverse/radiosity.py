@@ -38,7 +38,8 @@ def corrections(gains: Array, ratios: Array) -> Array:
     factors = np.empty_like(ratios)
     for colour in range(3):
         ratio = ratios[:, colour]
-        shares = np.maximum(np.eye(len(ratio)) - np.linalg.inv(gains[..., colour]), 0.0)
+        # pseudo, for a group whose glow does not show makes the gains singular
+        shares = np.maximum(np.eye(len(ratio)) - np.linalg.pinv(gains[..., colour]), 0.0)
         shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
         factors[:, colour] = ratio / (1 - shares.sum(axis=1) + shares @ ratio)
     return factors

@@ -256,6 +256,8 @@ def test_what_noise_makes_of_gains_gives_reflectances_that_can_be() -> None:
     gains = np.array([[0.9, 0.5], [-0.1, 0.6]])  # less than their own glow, light taken away, more than all light
     factors = corrections(np.repeat(gains[..., None], 3, axis=2), np.array([[3.0] * 3, [0.5] * 3]))
     assert ((factors > 0.1) & (factors <= 6)).all()
+    gains[:, 1] = 0.0  # a glow that does not show
+    assert corrections(np.repeat(gains[..., None], 3, axis=2), np.array([[3.0] * 3, [0.5] * 3])).min() > 0.1
 
 
 def streaks(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Camera]:
