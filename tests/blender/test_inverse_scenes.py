@@ -165,6 +165,15 @@ def test_the_same_seed_gives_the_same_noise_whatever_was_rendered_before(still: 
     assert (room.render(2, 3, steady=True) != before).any()
 
 
+def test_denoised_pictures_have_less_noise(still: bpy.types.Scene) -> None:
+    room = room_of(still)
+    true = room.render(512, 1)
+    plain, smooth = (
+        np.abs(np.log((room.render(2, 5, denoised=on) + 0.01) / (true + 0.01))).mean() for on in (False, True)
+    )
+    assert smooth < 0.7 * plain
+
+
 def test_a_photograph_has_the_light_of_the_world(still: bpy.types.Scene, tmp_path: Path) -> None:
     bpy.data.objects.remove(still.objects["Lamp"])
     bpy.data.objects.remove(still.objects["Panel"])

@@ -201,8 +201,7 @@ class Room:
         In steady pictures no path ends by chance, so that those of one seed differ by what was changed alone; they
         leave late bounces out, see :meth:`count_bounces`. The others have all light.
         """
-        with cycles.changed(self.scene.cycles, {"use_denoising": denoised}):
-            channels = self._rendered(samples, seed, steady, crop)
+        channels = self._rendered(samples, seed, steady, crop, denoised)
         return np.stack([channels[letter] for letter in "RGB"], axis=-1).astype(np.float64)
 
     def glowing(self, radiances: Mapping[int, Array], samples: int, seed: int) -> dict[int, Array]:
@@ -224,13 +223,20 @@ class Room:
         return shown
 
     def _rendered(
-        self, samples: int, seed: int, steady: bool = False, crop: Crop | None = None, layers: bool = False
+        self,
+        samples: int,
+        seed: int,
+        steady: bool = False,
+        crop: Crop | None = None,
+        denoised: bool = False,
+        layers: bool = False,
     ) -> dict[str, NDArray[np.float32]]:
         """Render and count; return the picture's channels, or those of all its passes."""
         start = time.perf_counter()
         transport = cycles.Transport(self.steady_bounces if steady else MOST_BOUNCES, samples=samples)
         with (
             self._measuring(transport, seed, steady, crop),
+            cycles.changed(self.scene.cycles, {"use_denoising": denoised}),
             cycles.openexr(self.scene, layers),
             tempfile.TemporaryDirectory() as folder,
         ):
