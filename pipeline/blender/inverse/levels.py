@@ -27,11 +27,12 @@ RATIO, WIDER = 4.0, 1.6  # at which angles are scanned, and factor between the s
 SHAPES = ("alpha", "ratio", "angle")
 LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, degrees
 TAILED = 0.8  # of Beckmann's slope, where the descent to a distribution of longer tails begins
-STEPS_DOWN, DAMPING, SETTLED = 5, 1e-3, 0.03
+STEPS_DOWN, DAMPING, SETTLED = 12, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
 EXPLAINED = 0.03**2  # mean square relative error of a lobe below which no other kind is looked for
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
+PERFECT = 0.97  # reflectance of a mirror above which it is perfect
 FINAL = 4  # times as many by which the best of every level are compared
 AGAIN = 10_000  # seeds apart
 HALF = 0.5  # reflectance of the pictures that are combined
@@ -60,6 +61,13 @@ def simplest(tried: list[Tried]) -> Tried:
     told = [one for one in tried if FREE[one.model.level] and one.fit.surely_below <= tried[0].fit.surely_below]
     best = min((one.fit for one in told), key=lambda fit: fit.surely_below)
     return next(one for one in told if not better(one.fit, best, WORTH))
+
+
+def perfected(model: Model) -> Model:
+    """Return a mirror that reflects all light as far as can be told as a perfect one, and any other model as it is."""
+    if model.level != "mirror" or model.specular.min() <= PERFECT:
+        return model
+    return dataclasses.replace(model, level="perfect-mirror", specular=np.ones(3))
 
 
 def examined(
@@ -115,8 +123,12 @@ def examined(
         slopes = SLOPES if sharp.surely_below > LIKE_MIRROR * plain.error else SLOPES[:2]
         best, fit = yield from group.best([*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
         has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
-        if has_lobe:
-            best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
+        trials = [one for one in known if one.ratio > 1]
+        if has_lobe:  # beside a brushed one it is only to be compared
+            work = group.anew(1, 1 if trials else closer).shaped(
+                best, ("alpha",), distributions[: 1 if trials else None]
+            )
+            best, fit = yield from work
         left = min(fit.surely_below, sharp.surely_below)
         if "plastic" in levels and left > EXPLAINED:
             start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
@@ -124,10 +136,11 @@ def examined(
                 lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
         if "isotropic" in levels:
             lobes["isotropic"] = best
-        trials = [one for one in known if one.ratio > 1]
         if has_lobe:
-            wide = [best.alpha * by for by in (1 / WIDER, 1.0, WIDER)]
-            trials += [_glossy(alpha, RATIO, float(angle)) for alpha in wide for angle in angles]
+            between = [
+                best.alpha / by for by in (WIDER**2, WIDER, 1.0)
+            ]  # an isotropic lobe is as wide as the wider slope
+            trials += [_glossy(alpha, RATIO, float(angle)) for alpha in between for angle in angles]
         if "anisotropic" in levels and trials:
             brushed, found = yield from group.best(trials)
             if better(fit, found, WORTH):
@@ -219,6 +232,8 @@ class _Group:
         best, least = yield from self.descended(dataclasses.replace(lobe, distribution=distributions[0]), kinds)
         for distribution in distributions[1:]:
             start = dataclasses.replace(best, distribution=distribution, alpha=TAILED * best.alpha)
+            if better(self.explained(start), least, 0.0):  # surely farther off
+                continue
             found, fit = yield from self.descended(start, kinds)
             if better(least, fit, 0.0):
                 best, least = found, fit

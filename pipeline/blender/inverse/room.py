@@ -26,7 +26,7 @@ from .shining import lamps_of
 
 MOST_BOUNCES = 1024  # what matters ends before, by chance, as its light fades
 STEADY_BOUNCES = (6, 64)
-LEFT_OUT = 0.25  # share of the light that steady pictures may leave out: they give derivatives alone
+LEFT_OUT = 0.02  # share of the light that steady pictures may leave out: the shapes of lobes are found by them
 # blue noise differs by the numbers of samples that were rendered before, as long as a scene is kept
 SAME_NOISE = {"sampling_pattern": "TABULATED_SOBOL"}
 GLOW = "Lightsphere "  # of a light group's name

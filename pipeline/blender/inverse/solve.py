@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -31,7 +30,7 @@ from .evidence import STEADY, Evidence
 from .found import Found
 from .groups import place_of
 from .lamps import found_lamps, start_lamps
-from .levels import ANGLES, Tried, examined, simplest
+from .levels import ANGLES, Tried, examined, perfected, simplest
 from .paint import paint
 from .room import Room, State
 from .together import LONGEST, Unknown, derivatives, step, unknowns
@@ -48,7 +47,6 @@ FINE = 0.5  # share of what is left that varies over few pixels, above which wha
 LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
 MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
-PERFECT = 0.97  # reflectance of a mirror above which it is perfect
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
 ALL = "all"
@@ -71,6 +69,7 @@ class Search:
     """
 
     distributions: tuple[str, ...] = DISTRIBUTIONS
+    scanned: tuple[float, ...] = ANGLES  # beside the direction of brushing that the photograph tells
     untried: tuple[str, ...] = ()  # levels
 
     def __init__(self, room: Room, photograph: Photograph, settings: InverseSettings) -> None:
@@ -116,7 +115,9 @@ class Search:
         while (yield from self._look_again()) and self._spent() < LEVELS_END:
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
-        self._perfect()
+        for number, model in enumerate(self.room.models):
+            self._choose(number, perfected(model))
+        self._keep()
         return self._found()
 
     def _begin(self) -> Work[None]:
@@ -177,8 +178,7 @@ class Search:
             if before == "texture" and self._left(number) > WORTH:
                 self._paint(number)
                 continue
-            if best.level != before or "alpha" in FREE[before]:  # else all groups together tell its reflectance better
-                self._choose(number, best)
+            self._choose_better(number, best)
             changed |= best.level != before
             if self._help(number) >= LOBES_HELP and self.room.layers[number] and self.settings.levels == "all":
                 self.patterned.add(number)
@@ -206,25 +206,27 @@ class Search:
         """
         before = list(self.room.models)
         levels = [model.level for model in before]
+        textured = [number for number, level in enumerate(levels) if level == "texture"]
+        for number in textured:  # what lobes reflect
+            self._paint(number)
         for number, level in enumerate(levels):
             if level not in ("diffuse", "texture") and self._spent() < LEVELS_END:
                 best = yield from self._examined(number, closer=CLOSER)
-                self._choose(number, best)
-        for number, level in enumerate(levels):
-            if level == "texture" and self._spent() < LEVELS_END:
+                self._choose_better(number, best)
+        for number in textured:
+            if self._spent() < LEVELS_END:
                 yield from self._paint_if_needed(number)
         moved = [np.abs(now.specular - old.specular).max() for now, old in zip(self.room.models, before, strict=True)]
         return levels != [model.level for model in self.room.models] or max(moved) > MOVED
 
-    def _perfect(self) -> None:
-        """Let mirrors be perfect that reflect all light as far as can be told."""
-        for number, model in enumerate(self.room.models):
-            if model.level == "mirror" and model.specular.min() > PERFECT:
-                self._choose(number, dataclasses.replace(model, level="perfect-mirror", specular=np.ones(3)))
-        self._keep()
-
     def _told(self, words: str, _: Progress) -> Progress:
         return self._step(words)
+
+    def _choose_better(self, number: int, model: Model) -> None:
+        """Choose a model unless what its level leaves free is told better by all groups together, or by their ratio."""
+        before = self.room.models[number].level
+        if model.level != before or "alpha" in FREE[before]:
+            self._choose(number, model)
 
     def _choose(self, number: int, model: Model) -> None:
         """Let a group have a model; deviations of what that does not have are forgotten."""
@@ -251,17 +253,14 @@ class Search:
         levels = [level for level in LEVELS[: LEVELS.index(most) + 1] if level not in self.untried]
         self.room.paint(number, None)
         mask, weight, photograph = self.masks[number], evidence.weight, evidence.photograph
-        rest = (choose, denoised, closer, self.distributions, self._angles(number))
+        told = evidence.brushing(number)
+        angles = ANGLES if told is None else (*self.scanned, told)
+        rest = (choose, denoised, closer, self.distributions, angles)
         work = examined(self.room, number, mask, photograph, weight, levels, seeds, *rest)
         words = f"levels of {self.room.groups[number].name}"
         with self.room.counted(self.costs[number]):
             model, self.tried[number] = yield from retold(work, partial(self._told, words))
         return model
-
-    def _angles(self, number: int) -> Sequence[float]:
-        """Return the directions of a group's brushing that are tried [degrees]."""
-        told = self.evidence.brushing(number)
-        return ANGLES if told is None else (*ANGLES, told)
 
     def _left(self, number: int) -> float:
         """Return the relative error that the best lobe leaves of a group."""

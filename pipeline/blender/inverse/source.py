@@ -7,7 +7,6 @@ speak of; here they are denoised. Read into it: which of its four thresholds end
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -19,7 +18,7 @@ from ...core.inverse.photograph import Photograph
 from ...core.inverse.texture import reflectance_map, sharpened
 from ...core.progress import Work
 from .found import Found
-from .levels import ANGLES, Tried
+from .levels import Tried
 from .room import Room
 from .solve import Search
 
@@ -39,6 +38,7 @@ class Source(Search):
     """
 
     distributions = (BECKMANN,)  # the nearest to Ward's lobe
+    scanned = ()  # the photograph's direction alone
     untried = ("plastic",)
 
     def __init__(self, room: Room, photograph: Photograph, settings: InverseSettings) -> None:
@@ -101,17 +101,11 @@ class Source(Search):
             model = yield from self._examined(number, choose, denoised=True)
             if model.level == "texture":  # begins with what was shown, one reflectance for all
                 self.texels[number] = np.tile(self.room.models[number].diffuse, (int(mask.sum()), 1))
-            if model.level != before[number] or "alpha" in FREE[model.level]:  # else the ratio has told its reflectance
-                self._choose(number, model)
+            self._choose_better(number, model)
             if model.level == "texture":
                 self._paint_by_ratio(number, shown)
         self._note_picture("levels", self._shown())
         return before != [model.level for model in self.room.models]
-
-    def _angles(self, number: int) -> Sequence[float]:
-        """Return the direction that the picture tells, or all where it does not."""
-        told = self.evidence.brushing(number)
-        return ANGLES if told is None else (told,)
 
     def _chosen(self, tried: list[Tried], paints: bool) -> Tried:
         """Return the first level whose error is below its threshold, else a texture where that can be, or the best."""
