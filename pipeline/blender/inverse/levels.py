@@ -29,7 +29,7 @@ LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, 
 TAILED = 0.8  # of Beckmann's slope, where the descent to a distribution of longer tails begins
 STEPS_DOWN, DAMPING, SETTLED = 12, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
-EXPLAINED = 0.03**2  # mean square relative error of a lobe below which no other kind is looked for
+PROMISING = 0.06**2  # mean square relative error of a plastic below which it may explain as much as more parameters do
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
 PERFECT = 0.97  # reflectance of a mirror above which it is perfect
@@ -130,9 +130,9 @@ def examined(
             )
             best, fit = yield from work
         left = min(fit.surely_below, sharp.surely_below)
-        if "plastic" in levels and left > EXPLAINED:
+        if "plastic" in levels:
             start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
-            if group.explained(start).surely_below < left:
+            if group.explained(start).surely_below < max(left, PROMISING):
                 lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
         if "isotropic" in levels:
             lobes["isotropic"] = best
