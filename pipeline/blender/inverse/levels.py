@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -115,37 +115,47 @@ def examined(
         From the texture's U to a brushing that is tried [degrees].
     """
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
-    lobes: dict[str, Model] = {level: _glossy(SHARP) for level in SHARP_LEVELS if level in levels}
-    if "isotropic" in levels or "plastic" in levels:
-        now = room.models[number]
-        known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
-        plain, sharp = group.fitted([group.diffuse]), group.explained(_glossy(SHARP))
-        slopes = SLOPES if sharp.surely_below > LIKE_MIRROR * plain.error else SLOPES[:2]
-        best, fit = yield from group.best([*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
-        has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
-        trials = [one for one in known if one.ratio > 1]
-        if has_lobe:  # beside a brushed one it is only to be compared
-            work = group.anew(1, 1 if trials else closer).shaped(
-                best, ("alpha",), distributions[: 1 if trials else None]
-            )
-            best, fit = yield from work
+    lobes = yield from _lobes(group, room.models[number], levels, closer, distributions, angles)
+    tried = yield from _compared(group.anew(2, FINAL), lobes)
+    return choose(tried).model, [one.as_json() for one in tried]
+
+
+def _lobes(
+    group: _Group, now: Model, levels: Sequence[str], closer: int, distributions: Sequence[str], angles: Sequence[float]
+) -> Work[dict[str, Model]]:
+    """Return the lobe of every level that has one and may explain a group, which shows a model now."""
+    lobes = {level: _glossy(SHARP) for level in SHARP_LEVELS if level in levels}
+    if "isotropic" not in levels and "plastic" not in levels:
+        return lobes
+    known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
+    brushings = [one for one in known if one.ratio > 1]
+    plain, sharp = group.fitted([group.diffuse]), group.explained(_glossy(SHARP))
+    slopes = SLOPES if sharp.surely_below > LIKE_MIRROR * plain.error else SLOPES[:2]
+    best, fit = yield from group.best([*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
+    has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
+    if has_lobe and brushings:  # the isotropic lobe is only to be compared
+        best, fit = yield from group.anew(1, 1).shaped(best, ("alpha",), distributions[:1])
+    elif has_lobe:
+        best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
+    if "plastic" in levels:
         left = min(fit.surely_below, sharp.surely_below)
-        if "plastic" in levels:
-            start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
-            if group.explained(start).surely_below < max(left, PROMISING):
-                lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
-        if "isotropic" in levels:
-            lobes["isotropic"] = best
-        if has_lobe:
-            between = [
-                best.alpha / by for by in (WIDER**2, WIDER, 1.0)
-            ]  # an isotropic lobe is as wide as the wider slope
-            trials += [_glossy(alpha, RATIO, float(angle)) for alpha in between for angle in angles]
-        if "anisotropic" in levels and trials:
-            brushed, found = yield from group.best(trials)
-            if better(fit, found, WORTH):
-                lobes["anisotropic"], _ = yield from group.anew(1, closer).shaped(brushed, SHAPES, distributions)
-    group = group.anew(2, FINAL)
+        start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
+        if group.explained(start).surely_below < max(left, PROMISING):
+            lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
+    if "isotropic" in levels:
+        lobes["isotropic"] = best
+    if has_lobe:  # as wide as the wider slope of a brushing
+        between = [best.alpha / by for by in (WIDER**2, WIDER, 1.0)]
+        brushings += [_glossy(alpha, RATIO, float(angle)) for alpha in between for angle in angles]
+    if "anisotropic" in levels and brushings:
+        brushed, found = yield from group.best(brushings)
+        if better(fit, found, WORTH):
+            lobes["anisotropic"], _ = yield from group.anew(1, closer).shaped(brushed, SHAPES, distributions)
+    return lobes
+
+
+def _compared(group: _Group, lobes: Mapping[str, Model]) -> Work[list[Tried]]:
+    """Return the best model of every level, given the lobe of each, with what it explains: diffuse, then as LEVELS."""
     fit = group.fitted([group.diffuse])
     tried = [Tried(Model("diffuse", _within(fit.factors[0]), np.zeros(3)), fit)]
     mirrored = group.shown(_glossy(SHARP)) if lobes else group.diffuse
@@ -165,7 +175,7 @@ def examined(
             rho_d, rho_s = map(_within, fit.factors)
         tried.append(Tried(dataclasses.replace(lobes[level], level=level, diffuse=rho_d, specular=rho_s), fit))
         yield Progress("levels", 1, 2)
-    return choose(tried).model, [one.as_json() for one in tried]
+    return tried
 
 
 @dataclass(frozen=True)

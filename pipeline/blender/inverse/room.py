@@ -217,9 +217,7 @@ class Room:
                         stack.enter_context(closures.glowing(self.materials[number], radiances[number]))
                         stack.enter_context(_light_group(self.scene, f"{GLOW}{number}", self.groups[number]))
                     channels = self._rendered(samples, seed, layers=True)
-                for number in together:
-                    rgb = [_named(channels, f"Combined_{GLOW}{number}.{letter}") for letter in "RGB"]
-                    shown[number] = np.stack(rgb, axis=-1).astype(np.float64)
+                shown |= {number: _layer(channels, f"Combined_{GLOW}{number}", "RGB") for number in together}
         return shown
 
     def _rendered(
@@ -289,12 +287,9 @@ class Room:
             cycles.render(self.scene, path)
             channels = exr.read(path)
         index = _named(channels, "IndexMA.X", "Material Index.X")
-        uv, places = (
-            np.stack([_named(channels, f"{name}.{axis}") for axis in axes], axis=-1).astype(np.float64)
-            for name, axes in (("UV", "UV"), ("Position", "XYZ"))
-        )
         numbers = index.round().astype(np.int64)
-        return np.where(numbers == 0, -1, numbers - OFFSET), uv, places
+        shows = np.where(numbers == 0, -1, numbers - OFFSET)
+        return shows, _layer(channels, "UV", "UV"), _layer(channels, "Position", "XYZ")
 
     def count_bounces(self) -> None:
         """Let steady pictures follow light until the usual path has lost enough of it, as the groups are now."""
@@ -375,6 +370,10 @@ def _uv_layer(group: Group) -> str:
         for item, _ in group.slots
     ]
     return names[0] if len(set(names)) == 1 else ""
+
+
+def _layer(channels: dict[str, NDArray[np.float32]], name: str, axes: str) -> Array:
+    return np.stack([_named(channels, f"{name}.{axis}") for axis in axes], axis=-1).astype(np.float64)
 
 
 def _named(channels: dict[str, NDArray[np.float32]], *ends: str) -> NDArray[np.float32]:

@@ -200,7 +200,7 @@ class Search:
         return [number for number in map(int, np.argsort(left)[::-1]) if left[number] > max(WORTH, WORST * max(left))]
 
     def _look_again(self) -> Work[bool]:
-        """Look at lobes and then textures again with the surroundings as they are now: the wrong ones bent them before.
+        """Look at lobes and textures again with the surroundings as they are now: the wrong ones bent them before.
 
         Return whether a level changed, or a reflectance by more than MOVED: what it lights may look otherwise then.
         """
@@ -216,8 +216,8 @@ class Search:
         for number in textured:
             if self._spent() < LEVELS_END:
                 yield from self._paint_if_needed(number)
-        moved = [np.abs(now.specular - old.specular).max() for now, old in zip(self.room.models, before, strict=True)]
-        return levels != [model.level for model in self.room.models] or max(moved) > MOVED
+        by = [np.abs(now.specular - old.specular).max() for now, old in zip(self.room.models, before, strict=True)]
+        return levels != [model.level for model in self.room.models] or max(by) > MOVED
 
     def _told(self, words: str, _: Progress) -> Progress:
         return self._step(words)
@@ -273,7 +273,8 @@ class Search:
 
     def _paint(self, number: int) -> None:
         """Give a group's pixels the texture that they show; it leaves no error by its making."""
-        self.tried[number].append({"level": "texture", "error": 0.0, "surely_below": 0.0})
+        if all(one["level"] != "texture" for one in self.tried[number]):
+            self.tried[number].append({"level": "texture", "error": 0.0, "surely_below": 0.0})
         self._choose(number, Model("texture", np.ones(3), np.zeros(3)))
         with self.room.counted(self.costs[number]):
             paint(self.evidence, number)
