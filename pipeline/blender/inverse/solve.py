@@ -30,7 +30,7 @@ from .evidence import STEADY, Evidence
 from .found import Found
 from .groups import place_of
 from .lamps import found_lamps, start_lamps
-from .levels import ANGLES, Tried, examined, perfected, simplest
+from .levels import ANGLES, Tried, examined, perfected, settled, simplest
 from .paint import paint
 from .room import Room, State
 from .together import LONGEST, Unknown, derivatives, step, unknowns
@@ -46,6 +46,7 @@ COARSE = 0.15  # relative error that is left, above which what varies smoothly h
 FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
 LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
+SETTLING, SETTLE_END = 16, 0.75  # times the samples by which they settle, share of the budget after which that ends
 MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
@@ -98,22 +99,17 @@ class Search:
         self.kept: tuple[State, dict[Unknown, list[float]]] | None = None
 
     def run(self) -> Work[Found]:
-        """Search until the uncertainty asked for or the budget is reached.
-
-        Yields
-        ------
-        Progress in seconds of the budget.
-        """
+        """Search until the uncertainty asked for or the budget is reached; yield seconds of the budget."""
         yield from self._begin()
         for _ in range(ROUNDS):
             if self._spent() > LEVELS_END:
                 break
-            changed = yield from self._levels()
-            if not changed:
+            if not (yield from self._levels()):
                 break
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         while (yield from self._look_again()) and self._spent() < LEVELS_END:
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
+        yield from self._settle()
         yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
         for number, model in enumerate(self.room.models):
             self._choose(number, perfected(model))
@@ -219,6 +215,18 @@ class Search:
         by = [np.abs(now.specular - old.specular).max() for now, old in zip(self.room.models, before, strict=True)]
         return levels != [model.level for model in self.room.models] or max(by) > MOVED
 
+    def _settle(self) -> Work[None]:
+        """Let the shapes of lobes settle by many samples, those that the fewest pixels show first."""
+        glossy = [number for number, model in enumerate(self.room.models) if "alpha" in FREE[model.level]]
+        for number in sorted(glossy, key=lambda n: int(self.masks[n].sum())):
+            if self._spent() > SETTLE_END:
+                break
+            seen = self.masks[number], self.evidence.photograph, self.evidence.weight
+            seeds = self.evidence.next_seed(), self.evidence.next_seed()
+            work = settled(self.room, number, *seen, seeds, SETTLING, lambda: self._spent() < SETTLE_END)
+            with self.room.counted(self.costs[number]):
+                self._choose(number, (yield from retold(work, partial(self._told, "settle"))))
+
     def _told(self, words: str, _: Progress) -> Progress:
         return self._step(words)
 
@@ -253,19 +261,18 @@ class Search:
         levels = [level for level in LEVELS[: LEVELS.index(most) + 1] if level not in self.untried]
         self.room.paint(number, None)
         mask, weight, photograph = self.masks[number], evidence.weight, evidence.photograph
-        told = evidence.brushing(number)
-        angles = ANGLES if told is None else (*self.scanned, told)
+        angle = evidence.brushing(number)
+        angles = ANGLES if angle is None else (*self.scanned, angle)
         rest = (choose, denoised, closer, self.distributions, angles)
         work = examined(self.room, number, mask, photograph, weight, levels, seeds, *rest)
-        words = f"levels of {self.room.groups[number].name}"
+        told = partial(self._told, f"levels of {self.room.groups[number].name}")
         with self.room.counted(self.costs[number]):
-            model, self.tried[number] = yield from retold(work, partial(self._told, words))
+            model, self.tried[number] = yield from retold(work, told)
         return model
 
     def _left(self, number: int) -> float:
         """Return the relative error that the best lobe leaves of a group."""
-        best: float = min(self.tried[number], key=lambda one: one["surely_below"])["error"]
-        return best
+        return float(min(self.tried[number], key=lambda one: one["surely_below"])["error"])
 
     def _help(self, number: int) -> float:
         """Return what share of a diffuse group's error the best lobe leaves."""
@@ -288,13 +295,7 @@ class Search:
             self._choose(number, plain)
 
     def _refine(
-        self,
-        stage: str,
-        rounds: int,
-        samples: int,
-        damping: float,
-        end: float = 1.0,
-        least: int = 0,
+        self, stage: str, rounds: int, samples: int, damping: float, end: float = 1.0, least: int = 0
     ) -> Work[None]:
         """Let all reflectances of all groups move together: Gauss-Newton, the derivatives by renders of the same seed.
 
@@ -362,9 +363,8 @@ class Search:
 
     def _picture(self, stage: str) -> None:
         """Keep what the room looks like, for the eye."""
-        evidence = self.evidence
-        samples = evidence.samples(PICTURE_SAMPLES)
-        self.pictures[stage] = self.room.render(samples, evidence.next_seed(), denoised=True)
+        samples = self.evidence.samples(PICTURE_SAMPLES)
+        self.pictures[stage] = self.room.render(samples, self.evidence.next_seed(), denoised=True)
 
     def uncertainty(self, only_seen: bool = False) -> float:
         """Return the largest relative deviation of the reflectances, of what the picture tells of, or shows itself."""
