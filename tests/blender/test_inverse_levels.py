@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -13,9 +14,12 @@ from pipeline import cli
 from pipeline.blender import cycles, exr
 from pipeline.blender.inverse import groups
 from pipeline.blender.inverse.evidence import Evidence
+from pipeline.blender.inverse.levels import settled
 from pipeline.blender.inverse.room import Room
 from pipeline.blender.pixels import array
+from pipeline.core.inverse import GGX, Model
 from pipeline.core.inverse.photograph import averaged, prepared
+from pipeline.core.progress import finish
 from scenes import rooms
 from scenes.rooms import surface
 from tests.blender import small_scenes
@@ -75,6 +79,37 @@ def test_a_picture_tells_the_direction_of_brushing(angle: float, tmp_path: Path)
     room = Room(scene, groups.find(scene, "materials"), seen)
     found = Evidence(room, seen).brushing([group.name for group in room.groups].index("Plate"))
     assert found is not None and abs((found - angle + 90) % 180 - 90) <= 15
+
+
+BRUSHED = Model("anisotropic", np.full(3, 0.05), np.full(3, SPECULAR), 0.155, 3.75, DEGREES)
+PLASTIC = Model("plastic", np.array(TOY), np.zeros(3), ROUGHNESS**2, distribution=GGX)
+
+
+@pytest.mark.parametrize(
+    ("name", "true", "start"),
+    [
+        ("Plate", BRUSHED, replace(BRUSHED, specular=np.full(3, 0.7), alpha=0.2, ratio=2.5, angle=DEGREES + 12)),
+        ("Toy", PLASTIC, replace(PLASTIC, diffuse=np.array(TOY)[::-1], alpha=1.8 * ROUGHNESS**2)),
+    ],
+)
+def test_a_lobe_settles_where_it_makes_the_picture(name: str, true: Model, start: Model) -> None:
+    scene = table()
+    room = Room(
+        scene, groups.find(scene, "materials"), prepared(np.ones((*SIZE[::-1], 3)), 32, "linear", SIZE, SIZE[0])
+    )
+    number = [group.name for group in room.groups].index(name)
+    room.show(number, true)
+    evidence = Evidence(room, prepared(room.render(512, 99), 32, "linear", SIZE, SIZE[0]))
+    room.show(number, start)
+    seen = evidence.masks[number], evidence.photograph, evidence.weight
+    found = finish(settled(room, number, *seen, (1, 2), 4, lambda: True))
+    assert found.level == true.level
+    assert found.alphas == pytest.approx(true.alphas, rel=0.1)
+    assert abs(found.angle - true.angle) < 3
+    assert found.diffuse == pytest.approx(true.diffuse, rel=0.15)
+    assert found.specular == pytest.approx(true.specular, rel=0.08)
+    late = finish(settled(room, number, *seen, (1, 2), 4, lambda: False))  # reflectances follow all the same
+    assert late.alphas == start.alphas and late.diffuse != pytest.approx(start.diffuse, rel=0.1)
 
 
 @pytest.mark.slow

@@ -161,11 +161,12 @@ def _lobes(
         return lobes
     known = [_glossy(now.alpha, now.ratio, now.angle)] if "alpha" in FREE[now.level] else []
     brushings = [one for one in known if one.ratio > 1]
+    is_brushed = bool(brushings)
     plain, sharp = group.fitted([group.diffuse]), group.explained(_glossy(SHARP))
     slopes = SLOPES if sharp.surely_below > LIKE_MIRROR * plain.error else SLOPES[:2]
     best, fit = yield from group.best([*map(_glossy, slopes), *(one for one in known if one.ratio == 1)])
     has_lobe = better(plain, fit, WORTH) and fit.surely_below < sharp.surely_below
-    if has_lobe and brushings:  # the isotropic lobe is only to be compared
+    if has_lobe and is_brushed:  # the isotropic lobe is only to be compared
         best, fit = yield from group.anew(1, 1).shaped(best, ("alpha",), distributions[:1])
     elif has_lobe:
         best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
@@ -181,7 +182,7 @@ def _lobes(
         brushings += [_glossy(alpha, RATIO, float(angle)) for alpha in between for angle in angles]
     if "anisotropic" in levels and brushings:
         brushed, found = yield from group.best(brushings)
-        if better(fit, found, WORTH):
+        if is_brushed or better(fit, found, WORTH):  # what it has is not given up by the noise of a first look
             lobes["anisotropic"], _ = yield from group.anew(1, closer).shaped(brushed, SHAPES, distributions)
     return lobes
 

@@ -45,8 +45,8 @@ LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves
 COARSE = 0.15  # relative error that is left, above which what varies smoothly has a texture: else it may be the light's
 FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
 LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
-CLOSER = 4  # times the samples by which the shapes of lobes are looked for in the end
-SETTLING, SETTLE_END = 16, 0.75  # times the samples by which they settle, share of the budget after which that ends
+CLOSER = 4  # times the samples by which lobes are looked at again
+SETTLING, SETTLE_END = 16, 0.8  # times the samples by which they settle, share of the budget after which that ends
 MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
@@ -164,8 +164,7 @@ class Search:
         evidence = self.evidence
         residuals = evidence.even_residuals()
         errors = [evidence.unexplained(residuals, number) for number in range(len(self.masks))]
-        waiting = sorted(self.patterned)
-        changed = False
+        waiting, changed = sorted(self.patterned), False
         for number in self._open(errors):
             if self._spent() > LEVELS_END:
                 break
@@ -205,8 +204,9 @@ class Search:
         textured = [number for number, level in enumerate(levels) if level == "texture"]
         for number in textured:  # what lobes reflect
             self._paint(number)
-        for number, level in enumerate(levels):
-            if level not in ("diffuse", "texture") and self._spent() < LEVELS_END:
+        glossy = [number for number, level in enumerate(levels) if level not in ("diffuse", "texture")]
+        for number in sorted(glossy, key=self._left, reverse=True):  # what is explained least bends the others most
+            if self._spent() < LEVELS_END:
                 best = yield from self._examined(number, closer=CLOSER)
                 self._choose_better(number, best)
         for number in textured:
