@@ -52,7 +52,7 @@ class Session:
         if self._is_waiting or not self._thread.is_alive():
             return new
         try:
-            line = messages.as_line(emitters.of_scene(scene))
+            line = messages.as_line(emitters.of_scene(scene, measure=False))
         except LightsphereError as error:
             new = new or self.told != str(error)
             self.told = str(error)

@@ -5,15 +5,14 @@ Whatever a light is, a picture under it is the sum of pictures under its emitter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..rig import GOLDEN_ANGLE, sphere
-
-Profile = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+from .profiles import Profile, across
 
 
 @dataclass(frozen=True)
@@ -27,15 +26,19 @@ class Emitter:
     intensity : (3,) float64
         Near: radiant intensity [W/sr] where the profile is 1. Distant: irradiance of a surface that faces it [W/m^2].
     distant : bool
+    facing : (3,) float64, optional
+        Unit normal n of the surface element that it stands for: what it sends along w is times max(0, n.w).
     to_world : (3, 3) float64, optional
         Columns are the emitter's axes in the world, unit and at right angles; it shines along its z.
     profile : callable, optional
-        Intensity over ``intensity``, (P,), in unit directions (P, 3) of the emitter's axes; 1 everywhere if left out.
+        Intensity over ``intensity``, (P,) or per colour (P, 3), in unit directions (P, 3) of the emitter's axes;
+        1 everywhere if left out.
     """
 
     place: NDArray[np.float64]
     intensity: NDArray[np.float64]
     distant: bool = False
+    facing: NDArray[np.float64] | None = None
     to_world: NDArray[np.float64] | None = None
     profile: Profile | None = None
 
@@ -45,50 +48,13 @@ class Emitter:
             return np.broadcast_to(self.intensity.astype(np.float32), points.shape)
         away = points - self.place
         d2 = (away**2).sum(axis=1)
-        factor = 1.0 / d2
+        directions = away / np.sqrt(d2)[:, None]
+        sent = self.intensity / d2[:, None]
+        if self.facing is not None:
+            sent *= np.maximum(directions @ self.facing, 0.0)[:, None]
         if self.profile is not None and self.to_world is not None:
-            factor *= self.profile((away / np.sqrt(d2)[:, None]) @ self.to_world)
-        return np.asarray(factor[:, None] * self.intensity, np.float32)
-
-
-def cosine(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return Lambert's profile of a surface element that shines to one side, max(0, cos)."""
-    return np.maximum(directions[:, 2], 0.0)
-
-
-def across(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the profile of an element of a thin Lambertian tube along z, sin."""
-    return np.sqrt(np.maximum(1.0 - directions[:, 2] ** 2, 0.0))
-
-
-@dataclass(frozen=True)
-class SpotProfile:
-    """The cone of Blender's spot lights.
-
-    ``smoothstep((cos t - cos(angle / 2)) / (blend (1 - cos(angle / 2))))``, t the angle from the axis after the
-    cone's cross-section was stretched.
-
-    Parameters
-    ----------
-    angle : float
-        Full angle of the cone [rad].
-    blend : float
-        Share of the cone that is soft, 0 to 1.
-    stretch : (float, float)
-        Widths of the cone along the emitter's x and y, relative to that along its z.
-    """
-
-    angle: float
-    blend: float
-    stretch: tuple[float, float] = (1.0, 1.0)
-
-    def __call__(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative intensity of unit directions (P, 3)."""
-        local = directions / np.array([*self.stretch, 1.0])
-        cosines = local[:, 2] / np.linalg.norm(local, axis=1)
-        edge = np.cos(self.angle / 2)
-        t = np.clip((cosines - edge) / max((1 - edge) * self.blend, 1e-6), 0.0, 1.0)
-        return np.asarray(t * t * (3 - 2 * t))
+            sent *= self.profile(directions @ self.to_world).reshape(len(points), -1)
+        return np.asarray(sent, np.float32)
 
 
 def point(position: Sequence[float], intensity: Sequence[float]) -> Emitter:
@@ -100,13 +66,6 @@ def distant(direction: Sequence[float], irradiance: Sequence[float]) -> Emitter:
     """Return a distant light, its direction of any length, of irradiance (3,) [W/m^2]."""
     towards = np.array(direction, np.float64)
     return Emitter(towards / np.linalg.norm(towards), np.array(irradiance, np.float64), distant=True)
-
-
-def spot(
-    position: NDArray[np.float64], to_world: NDArray[np.float64], intensity: NDArray[np.float64], profile: Profile
-) -> Emitter:
-    """Return a point whose intensity [W/sr] on its axis is spread by a profile."""
-    return Emitter(position, intensity, to_world=to_world, profile=profile)
 
 
 def area(
@@ -125,10 +84,9 @@ def area(
     radiance : (3,) float64
         [W/(m^2 sr)].
     """
-    frames = (axes_along(normal) for normal in normals)
     return [
-        Emitter(place, radiance * size, to_world=frame, profile=cosine)
-        for place, frame, size in zip(points, frames, areas, strict=True)
+        Emitter(place, radiance * size, facing=normal)
+        for place, normal, size in zip(points, normals, areas, strict=True)
     ]
 
 

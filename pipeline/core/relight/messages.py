@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import BROKEN_JSON, LightsphereError
-from .emitters import Emitter, Profile, SpotProfile, across, cosine
+from .emitters import Emitter
+from .profiles import SpotProfile, SpreadProfile, across
 
-PROFILES: dict[str, Profile] = {"cosine": cosine, "across": across}
+PROFILES = {one.__name__: one for one in (SpotProfile, SpreadProfile)}
 
 
 def as_line(emitters: Sequence[Emitter]) -> str:
@@ -29,30 +30,31 @@ def of_line(line: str) -> list[Emitter]:
 
 
 def _as_json(emitter: Emitter) -> dict[str, Any]:
-    profile: Any = None
-    if isinstance(emitter.profile, SpotProfile):
-        profile = dataclasses.asdict(emitter.profile)
-    elif emitter.profile is not None:
-        profile = next(name for name, known in PROFILES.items() if known is emitter.profile)
+    profile: Any = emitter.profile
+    if profile is across:
+        profile = {"name": "across"}
+    elif profile is not None:
+        profile = {"name": type(profile).__name__, **dataclasses.asdict(profile)}
     return {
         "place": emitter.place.tolist(),
         "intensity": emitter.intensity.tolist(),
         "distant": emitter.distant,
+        "facing": None if emitter.facing is None else emitter.facing.tolist(),
         "to_world": None if emitter.to_world is None else emitter.to_world.tolist(),
         "profile": profile,
     }
 
 
 def _from_json(value: dict[str, Any]) -> Emitter:
-    profile = value["profile"]
-    if isinstance(profile, dict):
-        profile = SpotProfile(profile["angle"], profile["blend"], tuple(profile["stretch"]))
-    elif profile is not None:
-        profile = PROFILES[profile]
+    profile: Any = value["profile"]
+    if profile is not None:
+        name = profile.pop("name")
+        profile = across if name == "across" else PROFILES[name](**profile)
     return Emitter(
         place=np.array(value["place"], np.float64),
         intensity=np.array(value["intensity"], np.float64),
         distant=bool(value["distant"]),
+        facing=None if value["facing"] is None else np.array(value["facing"], np.float64),
         to_world=None if value["to_world"] is None else np.array(value["to_world"], np.float64),
         profile=profile,
     )

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from pipeline.core.errors import LightsphereError
 from pipeline.core.relight import emitters
-from pipeline.core.relight.emitters import Emitter, SpotProfile
+from pipeline.core.relight.emitters import Emitter
 from pipeline.core.relight.environment import emitters_of, sky
+from pipeline.core.relight.profiles import SpotProfile, SpreadProfile, TableProfile
 from pipeline.core.rig import sphere
 
 ONE = np.ones(3)
@@ -59,6 +60,25 @@ def test_a_spot_is_whole_inside_its_cone_and_dark_outside() -> None:
     assert profile(across)[[0, 2]] == pytest.approx([1.0, 0.0])
     assert 0.0 < profile(along)[2] < 1.0  # the cone is twice as wide along x
     assert profile(along)[3] == 0.0
+
+
+def test_a_grid_before_a_light_keeps_its_power_and_ends_at_half_its_spread() -> None:
+    """The integral of the profile times cos over the half sphere is pi, whatever the spread."""
+    tilt = (np.arange(200_000) + 0.5) / 200_000 * np.pi / 2
+    directions = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], axis=1)
+    for spread in (0.3, 1.5, 3.0):
+        sent = SpreadProfile(spread)(directions)
+        whole = 2 * np.pi * (sent * np.sin(tilt) * np.cos(tilt)).mean() * np.pi / 2
+        assert whole == pytest.approx(np.pi, rel=1e-4)
+        assert sent[tilt > spread / 2].max() == 0.0
+
+
+def test_a_table_is_read_in_its_own_directions() -> None:
+    directions, _ = sky(32, 64)
+    table = TableProfile(directions + 2.0)
+    np.testing.assert_allclose(table(directions.reshape(-1, 3)), directions.reshape(-1, 3) + 2.0, atol=1e-12)
+    seam = np.array([[-1.0, 1e-3, 0.0], [-1.0, -1e-3, 0.0]]) / np.sqrt(1 + 1e-6)
+    np.testing.assert_allclose(table(seam), seam + 2.0, atol=0.005)
 
 
 def test_an_environment_keeps_its_power_and_its_sun() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from pipeline.core.errors import LightsphereError
 from pipeline.core.relight import emitters, messages
-from pipeline.core.relight.emitters import SpotProfile
+from pipeline.core.relight.emitters import Emitter
+from pipeline.core.relight.profiles import SpotProfile, SpreadProfile
 
 ONE = np.ones(3)
 POINTS = np.random.default_rng(3).normal(size=(200, 3)) * 3
@@ -18,7 +19,8 @@ def test_every_kind_of_emitter_shines_alike_at_the_other_end() -> None:
     sent = [
         emitters.point([1.0, 2.0, 3.0], [0.1, 0.2, 1 / 3]),
         emitters.distant([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]),
-        emitters.spot(np.array([0.0, 0.0, 4.0]), frame, ONE, SpotProfile(1.1, 0.3, (0.7, 1.0))),
+        Emitter(np.array([0.0, 0.0, 4.0]), ONE, to_world=frame, profile=SpotProfile(1.1, 0.3, (0.7, 1.0))),
+        Emitter(np.array([0.0, 1.0, 4.0]), ONE, facing=frame[:, 2], to_world=frame, profile=SpreadProfile(1.3)),
         *emitters.ball(np.array([1.0, 0.0, 5.0]), 0.3, ONE, 9),
         *emitters.line(np.zeros(3), np.array([0.0, 7.0, 0.0]), ONE, 5),
     ]

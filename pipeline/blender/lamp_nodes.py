@@ -1,0 +1,115 @@
+"""What nodes make of a light - IES profiles, gobos, falloffs -, measured by Cycles itself.
+
+The light stands alone in the middle of a large white ball; a panorama of the ball's radiance L says what the light
+sends in every direction, I = pi L R^2 / rho with rho = 1.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from ..core.camera import Camera
+from . import cycles, exr
+
+FORWARD = np.array([1.0, -1.0, -1.0])  # of a light's own axes, to those whose z it shines along: its own is -z
+SIZE = (256, 128)  # pixels of the panorama
+SAMPLES = 64
+FAR = 200.0  # sizes of the light that the ball is away
+# The camera's axes as columns: where :func:`pipeline.core.relight.environment.sky` has +z above and +x in the middle.
+LOOKING = ((0.0, 0.0, -1.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+PLAIN = {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}
+
+
+def shape_its_light(light: bpy.types.Light) -> bool:
+    """Return whether a light has nodes that change what it sends."""
+    if not (light.node_tree and light.use_nodes):
+        return False
+    nodes = light.node_tree.nodes
+    if any(node.type not in ("EMISSION", "OUTPUT_LIGHT") for node in nodes):
+        return True
+    return any(
+        tuple(np.atleast_1d(node.inputs[name].default_value)) != tuple(np.atleast_1d(plain))
+        for node in nodes
+        if node.type == "EMISSION"
+        for name, plain in PLAIN.items()
+    )
+
+
+def intensity(item: bpy.types.Object) -> NDArray[np.float64]:
+    """Return the radiant intensity (H, W, 3) [W/sr] of a light from afar.
+
+    As :func:`pipeline.core.relight.environment.sky` lays directions out, in the light's axes whose z it shines along.
+    """
+    light = item.data
+    radius = FAR * max(light.shadow_soft_size if light.type != "AREA" else light.size, 0.05)
+    return np.pi * radius**2 * _panorama(item, radius)
+
+
+def irradiance(item: bpy.types.Object) -> NDArray[np.float64]:
+    """Return the irradiance (3,) [W/m^2] of a surface that faces a sun."""
+    seen = np.pi * _panorama(item, 1.0)
+    return np.asarray(seen.reshape(-1, 3)[seen.sum(axis=-1).argmax()])
+
+
+def _panorama(item: bpy.types.Object, radius: float) -> NDArray[np.float64]:
+    """Return what a white ball about a light reflects from it alone, (H, W, 3)."""
+    with _alone(item, radius) as scene, tempfile.TemporaryDirectory() as folder:
+        camera = Camera("pinhole", np.eye(4), SIZE, (1.0, 1.0), (SIZE[0] / 2, SIZE[1] / 2))
+        transport = cycles.Transport(samples=SAMPLES)
+        with cycles.measuring(scene, camera, transport), cycles.openexr(scene):
+            cycles.render(scene, Path(folder) / "panorama.exr")
+        return exr.read_rgb(Path(folder) / "panorama.exr").astype(np.float64)
+
+
+@contextlib.contextmanager
+def _alone(item: bpy.types.Object, radius: float) -> Iterator[bpy.types.Scene]:
+    """Make a scene of a light, a ball about it and a panoramic camera for a while."""
+    import bmesh  # there is none before bpy
+
+    scene = bpy.data.scenes.new("Panorama")
+    camera, mesh = bpy.data.cameras.new("Panorama"), bpy.data.meshes.new("Panorama")
+    white = bpy.data.materials.new("Panorama")
+    whole = bmesh.new()
+    bmesh.ops.create_uvsphere(whole, u_segments=SIZE[0], v_segments=SIZE[1], radius=radius)
+    whole.to_mesh(mesh)
+    whole.free()
+    mesh.shade_smooth()
+    mesh.materials.append(_diffuse(white))
+    camera.type, camera.clip_end = "PANO", 2 * radius
+    (camera if hasattr(camera, "panorama_type") else camera.cycles).panorama_type = "EQUIRECTANGULAR"
+    objects = [bpy.data.objects.new("Panorama", data) for data in (item.data, mesh, camera)]
+    for one in objects:
+        scene.collection.objects.link(one)
+    lamp, ball, scene.camera = objects
+    ball.visible_shadow = False  # a sun shines from beyond it
+    lamp.scale, lamp.visible_camera = item.matrix_world.to_scale(), False
+    scene.camera.matrix_world = Matrix(LOOKING)
+    try:
+        yield scene
+    finally:
+        for one in objects:
+            bpy.data.objects.remove(one)
+        bpy.data.scenes.remove(scene)
+        bpy.data.cameras.remove(camera)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.materials.remove(white)
+
+
+def _diffuse(material: bpy.types.Material) -> bpy.types.Material:
+    """Make a material perfectly white and matt."""
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    closure, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    closure.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    material.node_tree.links.new(closure.outputs[0], output.inputs[0])
+    return material
