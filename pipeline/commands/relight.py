@@ -16,11 +16,12 @@ from ..core import images, light_file
 from ..core.capture import Capture
 from ..core.errors import LightsphereError
 from ..core.progress import finish
-from ..core.relight import RelightSettings, emitters, environment, messages
+from ..core.relight import RelightSettings, compact, emitters, environment, messages
+from ..core.relight import ptm as maps
 from ..core.relight.emitters import Emitter
 from ..core.relight.film import moving_light
 from ..core.relight.render import check_outside, prepare, relit
-from ..core.relight.stack import Expected
+from ..core.relight.stack import Expected, Stack
 from ..core.shape import Shape
 from ..core.tradeoff import Variant
 from ..core.tradeoff.excerpt import AROUND
@@ -31,6 +32,7 @@ from ..core.tradeoff.thinning import thinned_to
 from .reflectance import capture_of
 from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
+COMPACT, PTM = "relightable.npz", "relit.ptm"
 FRAMES = 72
 PER_SECOND = 24
 SPARSE = 15.0  # degrees between lights from which on what lies between them is guessed
@@ -39,7 +41,10 @@ SPARSE = 15.0  # degrees between lights from which on what lies between them is 
 @settings_options(RelightSettings)
 def relight(
     folder: Annotated[
-        Path, typer.Argument(help="folder of a shape, which names its capture; a capture for its true depth")
+        Path,
+        typer.Argument(
+            help="folder of a shape, which names its capture; a file of --compact; a capture for its true depth"
+        ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="folder of the pictures")],
     settings: RelightSettings,
@@ -61,6 +66,18 @@ def relight(
     film: Annotated[
         bool, typer.Option("--film", help="a film of a light that comes from infinity, turns by 90 degrees and leaves")
     ] = False,
+    ptm: Annotated[
+        bool, typer.Option("--ptm", help="relit.ptm, which RTI viewers show, of pictures under 64 distant lights")
+    ] = False,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--compact",
+            min=1.0,
+            metavar="RATE",
+            help="capture and shape in one file, relightable.npz, in 1/RATE of their bytes, to relight from; e.g. 20",
+        ),
+    ] = None,
     true_depth: Annotated[
         bool, typer.Option("--true-depth", help="the folder is a capture: take the true depth, to compare with")
     ] = False,
@@ -82,9 +99,10 @@ def relight(
         together = asked_for(centre, point or [], distant or [], environment_map, scene)
         listed = of_list(lights, centre) if lights is not None else []
         moving = moving_light(shape.camera, shape.points()[np.isfinite(shape.depth)], FRAMES) if film else []
-        if not (together or listed or moving):
+        if not (together or listed or moving or ptm or rate):
             raise LightsphereError(
-                "no light is given; use --point, --distant, --environment, --lights, --scene or --film"
+                "no light is given; use --point, --distant, --environment, --lights, --scene, --film or --ptm, "
+                "or write a file by --compact"
             )
         check_outside(shape, [*together, *listed, *moving])
         used, unseen = capture, np.zeros(0, np.int64)
@@ -97,6 +115,9 @@ def relight(
             figures.promise = promise
             settings = dataclasses.replace(settings, **promise.expected.settings)
             used, unseen = held_out(capture)
+        if rate:
+            written = run_with_bar(compact.write(output / COMPACT, capture, shape, rate, settings.memory))
+            figures.values["compact"] = written
         prepared = run_with_bar(prepare(thinned_to(used, settings.pictures), shape, settings))
         spacing = (prepared.stack if isinstance(prepared, Expected) else prepared).spacing()
         figures.values["light_spacing_deg"] = spacing
@@ -113,6 +134,16 @@ def relight(
         count = bool(together) + len(listed) + len(moving)
         figures.values.update(pictures=count, emitters=len(together) + len(listed) + len(moving))
         figures.summary = f"{count} pictures in {output}" + (f", film.mp4 of {FRAMES} of them" if film else "")
+        if not count:
+            figures.summary = f"in {output}"
+        if ptm:
+            rms = figures.values["ptm_rms"] = write_ptm(output / PTM, prepared, shape)
+            figures.summary += f"; {PTM}, whose polynomials are {rms:.1f} of 255 off"
+        if rate:
+            figures.summary += (
+                f"; {COMPACT} has {written['bytes'] / 1e6:.2g} MB, 1/{written['rate']:.3g} of half precision, "
+                f"its pictures are {100 * written['coded_rel_rmse']:.2g} % off"
+            )
         if goal:
             figures.obtained(held_out_errors(prepared, capture, unseen))
     if spacing > SPARSE:
@@ -157,7 +188,11 @@ def promised(shape: Shape, capture: Capture, settings: RelightSettings, made: in
 
 
 def opened(folder: Path, true_depth: bool) -> tuple[Capture, Shape]:
-    """Open a shape and its capture, or a capture with its true depth for a shape."""
+    """Open a shape and its capture, what holds both, or a capture with its true depth for a shape."""
+    if folder.is_file():
+        if true_depth:
+            raise LightsphereError(f"{folder} keeps no true depth; give the folder of the capture")
+        return compact.read(folder)
     if not true_depth:
         shape = Shape.open(folder)
         return capture_of(folder, shape), shape
@@ -226,6 +261,20 @@ def read_map(path: Path) -> NDArray[np.float32]:
     from ..blender.pictures import read
 
     return read(path).pixels
+
+
+def write_ptm(path: Path, prepared: Stack | Expected, shape: Shape) -> float:
+    """Write a polynomial texture map as bright as its picture under a light before it; return how far it is off."""
+    from ..report import style
+
+    lights = maps.directions()
+    in_world = lights @ shape.camera.to_world[:3, :3].T
+    under = [emitters.distant(towards, [np.pi] * 3) for towards in in_world.tolist()]
+    exposure = style.exposure_for(finish(relit(prepared, under[:1])))
+    shown = (style.display(run_with_bar(relit(prepared, [one])), exposure) for one in under)
+    polynomials = maps.fitted(lights, shown)
+    maps.write(path, polynomials.coefficients)
+    return polynomials.rms
 
 
 def write(folder: Path, names: Sequence[str], pictures: Sequence[NDArray[np.float32]]) -> None:

@@ -71,7 +71,7 @@ def tinted(scene: bpy.types.Scene, kind: str, **values: Any) -> None:
     emission.inputs["Color"].default_value = (0.2, 1.0, 0.5, 1.0)
 
 
-# Five planes of a Type C luminaire [cd]: 500 straight down, and at 45 and 90 degrees more on one side than on the other.
+# Planes of a luminaire of Type C [cd]: at 45 and 90 degrees from its axis another value on every side.
 IES = """IESNA:LM-63-2002
 TILT=NONE
 1 -1 1 3 5 1 2 0 0 0
@@ -91,7 +91,9 @@ LIGHTS: dict[str, Callable[[bpy.types.Scene], Any]] = {
     "warm point": lambda s: add(s, "POINT", energy=30.0, use_temperature=True, temperature=3000.0),
     "spot": lambda s: add(s, "SPOT", energy=50.0, spot_size=1.0, spot_blend=0.6),
     "stretched spot": stretched,
-    "soft spot": lambda s: add(s, "SPOT", energy=50.0, spot_size=1.0, spot_blend=0.6, shadow_soft_size=0.3, use_soft_falloff=False),
+    "soft spot": lambda s: add(
+        s, "SPOT", energy=50.0, spot_size=1.0, spot_blend=0.6, shadow_soft_size=0.3, use_soft_falloff=False
+    ),
     "slatted square": lambda s: add(s, "AREA", energy=40.0, shape="SQUARE", size=0.8, spread=1.2),
     "profile": lambda s: profiled(s, energy=2.0),
     "profile in a spot": lambda s: profiled(s, "SPOT", energy=2.0, spot_size=1.0, spot_blend=0.6),

@@ -76,6 +76,24 @@ def test_true_depth_stands_in_for_a_shape(folder: Path, tmp_path: Path) -> None:
     assert relative_rmse(images.read_rgb(tmp_path / "t" / "relit.exr"), recovered) < 1e-6
 
 
+def test_a_small_file_and_a_map_for_viewers_are_written(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["relight", str(folder / "shape"), "-o", str(tmp_path / "f"), "--compact", "2", "--ptm"]
+    assert cli.main([*words, "--json", str(tmp_path / "f.json")]) == 0
+    told = json.loads((tmp_path / "f.json").read_text())
+    small = tmp_path / "f" / "relightable.npz"
+    assert told["compact"]["bytes"] == small.stat().st_size
+    assert (tmp_path / "f" / "relit.ptm").read_bytes().startswith(b"PTM_1.2\nPTM_FORMAT_RGB\n16\n16\n")
+    assert told["ptm_rms"] < 20
+    assert cli.main(["relight", str(small), "-o", str(tmp_path / "s"), "--point", "2 -1 2 10"]) == 0
+    by_file = images.read_rgb(tmp_path / "s" / "relit.exr")
+    assert relative_rmse(by_file, relit(folder, tmp_path / "a", "--point", "2 -1 2 10")) < 0.05
+    capsys.readouterr()
+    assert cli.main(["relight", str(small), "-o", str(tmp_path / "t"), "--true-depth", "--point", "2 -1 2"]) == 2
+    assert "keeps no true depth" in capsys.readouterr().err
+
+
 def test_a_film_is_encoded(folder: Path, tmp_path: Path) -> None:
     figures = tmp_path / "figures.json"
     words = ["relight", str(folder / "shape"), "-o", str(tmp_path), "--film", "--json", str(figures)]

@@ -167,6 +167,20 @@ def solve_pixels(
         out[p] = x
 
 
+@parallel_kernel
+def expected(points: Any, normals: Any, views: Any, light: Any, weights: Any, out: Any) -> None:
+    """Write M under a light: weights (P, C, 3), out (P, 3)."""
+    for p in prange(len(points)):
+        u, row = np.empty(3), np.empty(COLUMNS)
+        direction(points[p], light, u)
+        columns(normals[p], views[p], u, row)
+        for k in range(3):
+            value = 0.0
+            for a in range(COLUMNS):
+                value += weights[p, a, k] * row[a]
+            out[p, k] = value
+
+
 def cells_of(rows: NDArray[np.int64], columns_: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number of the cell that each pixel lies in, (P,), cells without pixels left out."""
     _, cells = np.unique(np.stack([rows, columns_]) // CELL, axis=1, return_inverse=True)

@@ -13,12 +13,15 @@ from ..errors import LightsphereError
 from ..progress import Progress, Work
 from ..shape import Shape
 from . import RelightSettings
+from .compact import CompactCapture
 from .emitters import Emitter
 from .stack import Expected, Stack, arrange, expect
 
 
 def prepare(capture: Capture, shape: Shape, settings: RelightSettings) -> Work[Stack | Expected]:
     """Return the stack of a capture, ready for new lights; see :mod:`.stack` for what is raised."""
+    if settings.interpolation == "model" and isinstance(capture, CompactCapture):
+        return (yield from capture.prepared(shape, settings.memory))
     stack = yield from arrange(capture, shape, settings.memory)
     if settings.interpolation == "source":
         if not len(stack.triangles):

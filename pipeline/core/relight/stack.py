@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ..camera import Camera
 from ..capture import Capture
 from ..errors import LightsphereError
 from ..lights import Lights
@@ -101,8 +102,6 @@ class Expected:
 def arrange(capture: Capture, shape: Shape, memory: float) -> Work[Stack]:
     """Read every picture of a capture once and arrange it by the object's pixels.
 
-    Pixels without depth take those of the nearest pixel that has one.
-
     Parameters
     ----------
     capture : Capture
@@ -117,34 +116,50 @@ def arrange(capture: Capture, shape: Shape, memory: float) -> Work[Stack]:
     LightsphereError
         When the shape is of another capture, knows no depth, or a picture cannot be read.
     """
-    check(capture, shape)
+    stack = unread(capture, shape, memory)
     mask = capture.mask()
-    place = np.stack(np.nonzero(mask))
-    known = mask & np.isfinite(shape.depth) & np.isfinite(shape.normal).all(axis=-1)
-    if not known.any():
-        raise LightsphereError("the shape has no recovered pixel; recover the shape first")
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)[:, mask]
-    origins, directions = capture.camera.rays()
-    points = origins[mask] + shape.depth[tuple(nearest)].astype(np.float64)[:, None] * directions[mask]
-    normals = capture.camera.normals_to_world(shape.normal[tuple(nearest)])
-    lights, intensity = _placed(capture.lights, points)
-    values = _allocate((place.shape[1], len(capture), 3), memory)
+    _, intensity = placed(capture.lights, stack.points)
     limit = float(capture.notes.get("saturation", np.inf))
     for light in range(len(capture)):
         seen = capture.image(light)[mask]
         usable = np.isfinite(seen).all(axis=1) & (seen < limit).all(axis=1)
-        values[:, light] = seen / np.maximum(intensity[light], 1e-30).astype(np.float32)
-        values[~usable, light] = np.nan
+        stack.values[:, light] = seen / np.maximum(intensity[light], 1e-30).astype(np.float32)
+        stack.values[~usable, light] = np.nan
         yield Progress("read", light + 1, len(capture), "pictures")
+    return stack
+
+
+def unread(capture: Capture, shape: Shape, memory: float) -> Stack:
+    """Return the stack of a capture whose values are still to be filled in; see :func:`arrange`."""
+    check(capture, shape)
+    mask = capture.mask()
+    place = np.stack(np.nonzero(mask))
+    points, normals, views = surface(shape, mask)
+    lights, _ = placed(capture.lights, points)
+    values = _allocate((place.shape[1], len(capture), 3), memory)
     inner = capture.lights.on("inner")
     triangles = inner[triangulate(lights[inner])] if len(inner) >= 4 else np.empty((0, 3), np.int64)
-    return Stack(
-        capture.camera.resolution, place, points, normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        -directions[mask], lights, values, triangles,
-    )  # fmt: skip
+    return Stack(capture.camera.resolution, place, points, normals, views, lights, values, triangles)
 
 
-def _placed(lights: Lights, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def surface(
+    shape: Shape, mask: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return points, unit normals and directions to the camera (P, 3) of a mask's pixels, in the world.
+
+    Pixels without depth take those of the nearest pixel that has one; where none has, LightsphereError is raised.
+    """
+    known = mask & np.isfinite(shape.depth) & np.isfinite(shape.normal).all(axis=-1)
+    if not known.any():
+        raise LightsphereError("the shape has no recovered pixel; recover the shape first")
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)[:, mask]
+    origins, directions = shape.camera.rays()
+    points = origins[mask] + shape.depth[tuple(nearest)].astype(np.float64)[:, None] * directions[mask]
+    normals = shape.camera.normals_to_world(shape.normal[tuple(nearest)])
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True), -directions[mask]
+
+
+def placed(lights: Lights, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return position and radiant intensity (L, 3) of every light, at infinity as an object's points see it."""
     if lights.kind == "near":
         return lights.position, lights.intensity
@@ -191,8 +206,12 @@ def expect(stack: Stack, shape: Shape) -> Work[Expected]:
         )
         yield Progress("expect", part.stop, pixels, "pixels")
     around, offsets = neighbourhood(stack)
-    along = np.linalg.norm(stack.points - shape.camera.to_world[:3, 3], axis=1)
-    return Expected(stack, weights, kinds, around, offsets, REACH * shape.camera.pixel_size(along))
+    return Expected(stack, weights, kinds, around, offsets, reach(stack, shape.camera))
+
+
+def reach(stack: Stack, camera: Camera) -> NDArray[np.float64]:
+    """Return how far a step of each pixel may go on the same surface, (P,) [m]."""
+    return np.asarray(REACH * camera.pixel_size(np.linalg.norm(stack.points - camera.to_world[:3, 3], axis=1)))
 
 
 def neighbourhood(stack: Stack) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
