@@ -31,46 +31,57 @@ RING = 2  # pixels about one that say where a shadow's edge runs
 SPREAD = 3.0  # pixels that count as one spacing of directions
 SOFTEN = 0.03  # keeps a light that coincides with the new one from ruling the regression's slope alone
 RIDGE = 1e-3
+NEAR, ANYWHERE = 0.1, 4.0  # squared distances on the unit sphere within which lights are sought, first and at most
+WIDENED, FARTHER = 1.15, 4.0  # of the squared distance within which the pixel before found its own; of what has too few
 BLOCK = 64  # pixels that one thread takes at a time
 MEET = 1e-9  # squared distance of directions below which lights are the same
 
 
 @kernel
-def keep_nearest(nearest: Any, distances: Any, light: Any, distance: Any) -> None:
-    """Insert a light into ascending lists of fixed length."""
-    at = len(nearest) - 1
-    while at > 0 and distances[at - 1] > distance:
-        distances[at] = distances[at - 1]
-        nearest[at] = nearest[at - 1]
-        at -= 1
-    distances[at] = distance
-    nearest[at] = light
-
-
-@kernel
 def find_nearest(  # type: ignore[no-untyped-def]
-    point, u, lights, axes, kinds, facing, cosines, nearest, distances
+    point, u, lights, axes, kinds, facing, cosines, near, nearest, distances
 ):
     """Fill the nearest lights and their squared distances on the unit sphere; of the facing lights, or of the unlit.
 
-    ``axes`` (3, L) are the lights in single precision: the processor compares several at once.
+    ``axes`` (3, L) are the lights in single precision: the processor compares several at once. ``near`` (1,) is the
+    squared distance within which they are sought first, that of the pixel before: hardly any light is looked at twice.
     """
-    nearest[:] = -1
-    distances[:] = np.inf
-    last = len(nearest) - 1
     px, py, pz = np.float32(point[0]), np.float32(point[1]), np.float32(point[2])
     ux, uy, uz = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
     for i in range(len(cosines)):
         x, y, z = axes[0, i] - px, axes[1, i] - py, axes[2, i] - pz
         cosines[i] = (x * ux + y * uy + z * uz) / np.sqrt(x * x + y * y + z * z)
-    lowest = np.float32(-2.0)
-    for i in range(len(cosines)):
-        if cosines[i] > lowest and (kinds[i] != AWAY if facing else kinds[i] != LIT):
+    last = len(nearest) - 1
+    collect(cosines, kinds, facing, np.float32(1.0 - 0.5 * near[0]), nearest, distances)
+    while nearest[last] < 0 and near[0] <= ANYWHERE:
+        near[0] *= FARTHER
+        collect(cosines, kinds, facing, np.float32(1.0 - 0.5 * near[0]), nearest, distances)
+    for j in range(len(nearest)):
+        i = nearest[j]
+        if i >= 0:
             x, y, z = lights[i, 0] - point[0], lights[i, 1] - point[1], lights[i, 2] - point[2]
             cosine = (x * u[0] + y * u[1] + z * u[2]) / math.sqrt(x * x + y * y + z * z)
-            if 2.0 - 2.0 * cosine < distances[last]:
-                keep_nearest(nearest, distances, i, max(2.0 - 2.0 * cosine, 0.0))
-                lowest = np.float32(1.0 - 0.5 * distances[last] - 1e-6)
+            distances[j] = max(2.0 - 2.0 * cosine, 0.0)
+    if nearest[last] >= 0:
+        near[0] = WIDENED * distances[last]
+
+
+@kernel
+def collect(cosines: Any, kinds: Any, facing: Any, lowest: Any, nearest: Any, order: Any) -> None:
+    """Fill the lights of the largest cosines above the lowest, the largest first, and minus those for an order."""
+    last = len(nearest) - 1
+    nearest[:] = -1
+    order[:] = np.inf
+    for i in range(len(cosines)):
+        if cosines[i] > lowest and (kinds[i] != AWAY if facing else kinds[i] != LIT):
+            at = last
+            while at > 0 and order[at - 1] > -cosines[i]:
+                order[at] = order[at - 1]
+                nearest[at] = nearest[at - 1]
+                at -= 1
+            order[at] = -cosines[i]
+            nearest[at] = i
+            lowest = max(lowest, np.float32(-order[last]))
 
 
 @kernel
@@ -204,11 +215,11 @@ def add_light(  # type: ignore[no-untyped-def]
     out : (P, 3) float64
         Added to.
     """
-    axes = lights.T.astype(np.float32)
+    axes = np.ascontiguousarray(lights.T).astype(np.float32)  # a transposed view would be read one by one
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         u, row = np.empty(3), np.empty(COLUMNS)
         nearest, distances = np.empty(NEAREST + 1, np.int64), np.empty(NEAREST + 1)
-        cosines = np.empty(len(lights), np.float32)
+        cosines, near = np.empty(len(lights), np.float32), np.full(1, NEAR)
         matrix, right, ratio, fill = np.empty((5, 5)), np.empty(5), np.empty(3), np.empty(3)
         for p in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             if distant:
@@ -217,7 +228,7 @@ def add_light(  # type: ignore[no-untyped-def]
                 direction(points[p], place, u)
             columns(normals[p], views[p], u, row)
             facing = row[0] > 0.0
-            find_nearest(points[p], u, lights, axes, kinds[p], facing, cosines, nearest, distances)
+            find_nearest(points[p], u, lights, axes, kinds[p], facing, cosines, near, nearest, distances)
             widest = distances[NEAREST] if nearest[NEAREST] >= 0 else 4.0
             lit, dark = 0.0, 0.0
             ratio[:] = 0.0
