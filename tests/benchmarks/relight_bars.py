@@ -4,7 +4,8 @@ Run as ``.venv-3.13/bin/python tests/benchmarks/relight_bars.py [--cache FOLDER]
 ``bootstrap.py`` set up. Captures are made where the folder does not hold them yet: 128x128 pixels, 320 and 80 lights at
 2 and 3 m, direct light. The twelve lights stand at 1.75, 2.4 and 6 m in turn, in directions spread evenly over the part
 of the sky that is more than 15 degrees above the ground; Cycles renders the reference under each. The error is
-``relight_rel_rmse`` on the object's pixels, the mean over the lights. ``--frame`` also times one light at 512x512.
+``relight_rel_rmse`` on the object's pixels, the mean over the lights; beside it what capture and shape in one file of
+1/20 of their bytes make of that. ``--frame`` also times one light at 512x512.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from pipeline.core.capture import Capture
 from pipeline.core.compare.pictures import relative_rmse
 from pipeline.core.compare.shapes import shape_errors
 from pipeline.core.progress import finish
-from pipeline.core.relight import RelightSettings
+from pipeline.core.relight import RelightSettings, compact
 from pipeline.core.relight.emitters import point
 from pipeline.core.relight.render import prepare, relit
 from pipeline.core.relight.stack import Expected
@@ -41,6 +42,7 @@ RIG = ("--inner", "320", "--outer", "80", "--radius-inner", "2", "--radius-outer
 SIZE = ("--resolution", "128")
 BARS = {"lambert": 0.06, "plastic": 0.06, "metal": 0.06, "coat": 0.25}
 OVER_SOURCE = 0.5  # of the source's error in the same run, at most
+RATE, OVER_WHOLE = 20.0, 1.15  # of a compact file, and of the error without it, at most
 RADII = (1.75, 2.4, 6.0)  # inside, between and outside the two spheres
 TURN = 0.7  # rad, about the vertical: away from the capture's lights
 FRAME_BAR = 0.1  # s
@@ -54,7 +56,9 @@ def main() -> None:
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         cache = chosen.cache or Path(folder)
-        heads = "".join(f"{head:>12}" for head in ("error", "bar", "true depth", "source", "depth % med", *RADII))
+        heads = "".join(
+            f"{head:>12}" for head in ("error", "bar", "true depth", "source", "of 1/20", "rate", "depth % med", *RADII)
+        )
         print(f"{'':10}{heads}  holds")
         for scene in BARS:
             print(row(cache, scene), flush=True)
@@ -74,16 +78,30 @@ def row(cache: Path, scene: str) -> str:
     errors = errors_of(capture, shape, reference, "model")
     source = errors_of(capture, shape, reference, "source").mean()
     true = errors_of(capture, opened(capture.folder, true_depth=True)[1], reference, "model").mean()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "small.npz"
+        rate = finish(compact.write(file, capture, shape, RATE, RelightSettings().memory))["rate"]
+        small = errors_of(*compact.read(file), reference, "model").mean()
     depth = shape_errors(shape, truth, capture.mask())["depth_median_pct"]
     failed = [
         name
         for name, held in (
             ("error", errors.mean() <= BARS[scene]),
             ("source", errors.mean() <= OVER_SOURCE * source),
+            ("of 1/20", small <= OVER_WHOLE * errors.mean() and rate >= RATE),
         )
         if not held
     ]
-    figures = (errors.mean(), BARS[scene], true, source, depth, *errors.reshape(-1, len(RADII)).mean(axis=0))
+    figures = (
+        errors.mean(),
+        BARS[scene],
+        true,
+        source,
+        small,
+        rate,
+        depth,
+        *errors.reshape(-1, len(RADII)).mean(axis=0),
+    )
     return (
         f"{scene:10}"
         + "".join(f"{value:12.3g}" for value in figures)

@@ -33,7 +33,9 @@ VERSION = 1
 FINEST = 32767  # of a normal's components
 STEPS = 255  # of the root of a weight
 OCTAVE = 4  # steps of a pixel's mean value
-LEVEL = 0.01  # of the mean value of a pixel
+LEVEL = np.float32(0.01)  # of the mean value of a pixel, below which an error of what is lit is not seen
+DARKEST = np.float32(0.02)  # of the mean value of most pixels, where hardly any light is lit
+DARK = np.float32(0.3)  # and what an error of what is shadowed is seen beside
 HEADERS = 1000  # bytes by which arrays in a file exceed those alone
 HALF = 6  # bytes of a pixel's three colours in half precision
 
@@ -68,7 +70,7 @@ class CompactCapture(Capture):
         """Return what :func:`.stack.expect` makes of a capture, nothing fitted anew."""
         stack, coded = unread(self, shape, memory), self.coded
         kinds = np.empty(stack.values.shape[:2], np.uint8)
-        floor = coded.level * np.float32(FLOOR / LEVEL)
+        floor = np.float32(FLOOR) * coded.mean
         for light, number in enumerate(map(int, self.files)):
             model, lit = coded.expected(number)
             y = coded.value(number)
@@ -100,12 +102,12 @@ class Coded:
         Positions [m] and radiant intensities [W/sr]; see :func:`pipeline.core.relight.stack.placed`.
     weights : (P, C, 3) float32
         Of the lobes' columns.
-    level : (P, 1) float32
-        What of y an error is not seen beside.
+    mean : (P, 1) float32
+        Of y over the lit lights.
     lit : (L, ceil(P / 8)) uint8
         Packed bits.
     rest : pipeline.core.relight.remainder.Remainder
-        Of y beside what is expected of a lit pixel, over that and the level.
+        Of y beside what is expected of a lit pixel, over :meth:`_scale`.
     """
 
     mask: NDArray[np.bool_]
@@ -115,7 +117,7 @@ class Coded:
     lights: NDArray[np.float64]
     intensity: NDArray[np.float64]
     weights: NDArray[np.float32]
-    level: NDArray[np.float32]
+    mean: NDArray[np.float32]
     lit: NDArray[np.uint8]
     rest: remainder.Remainder
 
@@ -128,12 +130,16 @@ class Coded:
     def remaining(self, light: int, y: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return what is left of y (P, 3) under a light, to be coded."""
         model, lit = self.expected(light)
-        return np.asarray((y - np.where(lit, model, 0)) / (model + self.level))
+        return np.asarray((y - np.where(lit, model, 0)) / self._scale(model, lit))
+
+    def _scale(self, model: NDArray[np.float32], lit: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Return what an error of y is seen beside: where light falls, y itself, which new lights are multiples of."""
+        return np.where(lit, model + LEVEL * self.mean, DARK * self.mean)
 
     def value(self, light: int) -> NDArray[np.float32]:
         """Return y under a light, (P, 3)."""
         model, lit = self.expected(light)
-        y = np.where(lit, model, 0) + (model + self.level) * self.rest.of(light)
+        y = np.where(lit, model, 0) + self._scale(model, lit) * self.rest.of(light)
         return np.asarray(np.maximum(y, 0.0), np.float32)
 
     def radiance(self, light: int) -> NDArray[np.float32]:
@@ -244,8 +250,8 @@ def _head(capture: Capture) -> NDArray[np.uint8]:
 
 def _coded(mask: NDArray[np.bool_], shape: Shape, lights: Lights, arrays: Arrays, rest: remainder.Remainder) -> Coded:
     geometry = surface(shape, mask)
-    level = np.float32(LEVEL) * np.exp2(arrays["octave"].astype(np.float32) / np.float32(OCTAVE))[:, None]
-    return Coded(mask, *geometry, *placed(lights, geometry[0]), _weights(arrays), level, arrays["lit"], rest)
+    mean = np.exp2(arrays["octave"].astype(np.float32) / np.float32(OCTAVE))[:, None]
+    return Coded(mask, *geometry, *placed(lights, geometry[0]), _weights(arrays), mean, arrays["lit"], rest)
 
 
 def _stored(shape: Shape, mask: NDArray[np.bool_]) -> Arrays:
@@ -280,7 +286,8 @@ def _quantised(expected: Expected) -> Arrays:
     top = np.maximum(weights.max(axis=(0, 2)), np.float32(1e-30))
     steps = np.round(STEPS * np.sqrt(weights / top[:, None])).astype(np.uint8)
     steps[..., 0::2] -= steps[..., 1:2]  # modulo 256
-    octave = OCTAVE * np.log2(expected.weights[:, lobes.COLUMNS].max(axis=-1) / FLOOR)
+    mean = expected.weights[:, lobes.COLUMNS].max(axis=-1) / FLOOR
+    octave = OCTAVE * np.log2(np.maximum(mean, DARKEST * np.median(mean)))
     return {
         "weights": np.ascontiguousarray(steps.transpose(1, 2, 0)),
         "top": top,

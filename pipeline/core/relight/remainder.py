@@ -19,6 +19,7 @@ from ..progress import Progress, Work
 OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float32).T / np.sqrt([3, 2, 6], dtype=np.float32)
 MOST = 256  # components
 FINEST = 32767  # of a basis vector's entries
+LARGEST = 2**22  # steps
 ROWS = 4096
 TRIES = 12
 FITS = 0.95  # of the bytes that may be used, when the search for a step ends
@@ -94,11 +95,11 @@ def _basis(rest: NDArray[np.float32]) -> Work[NDArray[np.float32]]:
 
 def _arrays(basis: NDArray[np.float32], coefficients: NDArray[np.float32], step: float) -> dict[str, NDArray[Any]]:
     """Return coefficients in steps, the bytes of small ones apart from those that only large ones have."""
-    steps = np.clip(np.round(coefficients / np.float32(step)), -FINEST, FINEST).astype(np.int16)
+    steps = np.clip(np.round(coefficients / np.float32(step)), -LARGEST, LARGEST).astype(np.int32)
     high = (steps + 128) >> 8
     return {
         "basis": np.round(FINEST * basis).astype(np.int16),
         "low": (steps - 256 * high).astype(np.int8),
-        "high": high.astype(np.int8),
+        "high": high.astype(np.int16),
         "step": np.array(step, np.float32),
     }
