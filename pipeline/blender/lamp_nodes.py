@@ -17,11 +17,13 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..core.camera import Camera
+from ..core.errors import LightsphereError
 from . import cycles, exr
 
 FORWARD = np.array([1.0, -1.0, -1.0])  # of a light's own axes, to those whose z it shines along: its own is -z
 SIZE = (256, 128)  # pixels of the panorama
-SAMPLES = 64
+SAMPLES = 32
+UNLIKE = 0.05  # of the power, between what two distances say
 FAR = 200.0  # sizes of the light that the ball is away
 # The camera's axes as columns: where :func:`pipeline.core.relight.environment.sky` has +z above and +x in the middle.
 LOOKING = ((0.0, 0.0, -1.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -47,10 +49,21 @@ def intensity(item: bpy.types.Object) -> NDArray[np.float64]:
     """Return the radiant intensity (H, W, 3) [W/sr] of a light from afar.
 
     As :func:`pipeline.core.relight.environment.sky` lays directions out, in the light's axes whose z it shines along.
+
+    Raises
+    ------
+    LightsphereError
+        When a ball four times as near says another: it does not fall off with the square of the distance.
     """
     light = item.data
-    radius = FAR * max(light.shadow_soft_size if light.type != "AREA" else light.size, 0.05)
-    return np.pi * radius**2 * _panorama(item, radius)
+    far = FAR * max(light.shadow_soft_size if light.type != "AREA" else light.size, 0.05)
+    nearer, found = (np.pi * radius**2 * _panorama(item, radius) for radius in (far / 4, far))
+    if abs(nearer.sum() - found.sum()) > UNLIKE * found.sum():
+        raise LightsphereError(
+            f"the light {item.name!r} does not fall off with the square of the distance, by a Light Falloff node or "
+            "the like; remove it, or leave the light out of renders"
+        )
+    return found
 
 
 def irradiance(item: bpy.types.Object) -> NDArray[np.float64]:

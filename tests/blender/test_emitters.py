@@ -150,6 +150,17 @@ def test_what_nodes_make_of_a_light_is_not_rendered_while_it_moves() -> None:
     assert kept == (len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.materials))
 
 
+def test_light_that_does_not_fall_off_is_told() -> None:
+    scene = floor()
+    tree, emission = nodes_of(scene, "POINT", energy=2.0)
+    falloff = tree.nodes.new("ShaderNodeLightFalloff")
+    tree.links.new(falloff.outputs["Constant"], emission.inputs["Strength"])
+    with pytest.raises(LightsphereError, match="'Lamp' does not fall off with the square"):
+        emitters.of_scene(scene)
+    tree.links.new(falloff.outputs["Quadratic"], emission.inputs["Strength"])
+    assert emitters.of_scene(scene)
+
+
 def test_a_scene_without_lights_is_told(tmp_path: Path) -> None:
     scene = floor()
     add(scene, "POINT", energy=1.0).hide_render = True

@@ -31,7 +31,8 @@ from .stack import FLOOR, Expected, arrange, expect, neighbourhood, placed, reac
 FORMAT = "lightsphere-relightable"
 VERSION = 1
 FINEST = 32767  # of a normal's components
-STEPS = 255  # of the root of a weight
+STEPS = (255, 63, 15)  # of the root of a weight; the coarser, the fewer bytes there are for a light
+HALF_OF_ALL = 0.5  # of the bytes: what the weights leave for the remainder, where one of STEPS does
 OCTAVE = 4  # steps of a pixel's mean value
 LEVEL = np.float32(0.01)  # of the mean value of a pixel, below which an error of what is lit is not seen
 DARKEST = np.float32(0.02)  # of the mean value of most pixels, where hardly any light is lit
@@ -181,7 +182,11 @@ def write(path: Path, capture: Capture, shape: Shape, rate: float, memory: float
     stored = _shape(capture.camera, mask, arrays)
     stack = yield from arrange(capture, stored, memory)
     expected = yield from expect(stack, stored)
-    arrays |= _quantised(expected)
+    whole = HALF * len(stack.points) * len(capture)
+    for steps in STEPS:
+        arrays |= _quantised(expected, steps)
+        if len(_packed(arrays)) < HALF_OF_ALL * whole / rate:
+            break
     coded = _coded(mask, stored, capture.lights, arrays, remainder.NONE)
     rest = stack.values  # its room is used for what is left
     for light in range(len(capture)):
@@ -189,7 +194,6 @@ def write(path: Path, capture: Capture, shape: Shape, rate: float, memory: float
         y = capture.image(light)[mask] * (d2[:, None] / np.maximum(coded.intensity[light], 1e-30))
         rest[:, light] = np.nan_to_num(coded.remaining(light, y), posinf=0.0, neginf=0.0)
         yield Progress("compare", light + 1, len(capture), "pictures")
-    whole = HALF * len(coded.points) * len(capture)
     coding = yield from remainder.coded(rest, whole / rate - len(_packed(arrays)) - HEADERS)
     data = _packed(arrays | coding)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -257,11 +261,13 @@ def _coded(mask: NDArray[np.bool_], shape: Shape, lights: Lights, arrays: Arrays
 def _stored(shape: Shape, mask: NDArray[np.bool_]) -> Arrays:
     """Return what is kept of a mask and the shape of its pixels."""
     known = shape.within(mask)
+    low, high = remainder.apart(np.round(FINEST * np.nan_to_num(known.normal[mask])).T)
     return {
         "mask": np.packbits(mask),
         "depth": known.depth[mask],
         "confidence": np.round(255 * known.confidence[mask]).astype(np.uint8),
-        "normal": np.round(FINEST * np.nan_to_num(known.normal[mask])).astype(np.int16),
+        "normal_low": low,
+        "normal_high": high,
     }
 
 
@@ -272,25 +278,26 @@ def _shape(camera: Camera, mask: NDArray[np.bool_], arrays: Arrays) -> Shape:
     depth[mask] = arrays["depth"]
     confidence[:] = 0.0
     confidence[mask] = arrays["confidence"] / np.float32(255)
-    length = np.linalg.norm(arrays["normal"].astype(np.float32), axis=-1, keepdims=True)
-    normal[mask] = np.where(length > 0, arrays["normal"] / np.maximum(length, 1), np.nan)
+    steps = remainder.joined(arrays["normal_low"], arrays["normal_high"]).T.astype(np.float32)
+    length = np.linalg.norm(steps, axis=-1, keepdims=True)
+    normal[mask] = np.where(length > 0, steps / np.maximum(length, 1), np.nan)
     return Shape(camera, depth, normal, confidence)
 
 
-def _quantised(expected: Expected) -> Arrays:
+def _quantised(expected: Expected, finest: int) -> Arrays:
     """Return what is kept of an expectation: weights, mean level of y and which lights are lit.
 
     The roots of the weights are in steps, (C, 3, P), red and blue as their difference to green.
     """
     weights = expected.weights[:, : lobes.COLUMNS]
     top = np.maximum(weights.max(axis=(0, 2)), np.float32(1e-30))
-    steps = np.round(STEPS * np.sqrt(weights / top[:, None])).astype(np.uint8)
+    steps = np.round(finest * np.sqrt(weights / top[:, None])).astype(np.uint8)
     steps[..., 0::2] -= steps[..., 1:2]  # modulo 256
     mean = expected.weights[:, lobes.COLUMNS].max(axis=-1) / FLOOR
     octave = OCTAVE * np.log2(np.maximum(mean, DARKEST * np.median(mean)))
     return {
         "weights": np.ascontiguousarray(steps.transpose(1, 2, 0)),
-        "top": top,
+        "top": top / np.float32(finest**2),
         "octave": np.clip(np.round(octave), -128, 127).astype(np.int8),
         "lit": np.packbits((expected.kinds == interpolant.LIT).T, axis=1),
     }
@@ -300,4 +307,4 @@ def _weights(arrays: Arrays) -> NDArray[np.float32]:
     """Return the weights (P, C, 3) of :func:`_quantised`."""
     steps = arrays["weights"].transpose(2, 0, 1).copy()
     steps[..., 0::2] += steps[..., 1:2]
-    return np.asarray((steps.astype(np.float32) / STEPS) ** 2 * arrays["top"][:, None], np.float32)
+    return np.asarray(np.square(steps, dtype=np.float32) * arrays["top"][:, None], np.float32)

@@ -77,8 +77,19 @@ def coded(rest: NDArray[np.float32], size: float) -> Work[dict[str, NDArray[Any]
 
 def decoded(arrays: dict[str, NDArray[Any]]) -> Remainder:
     """Return what :func:`coded` made of its numbers."""
-    steps = arrays["high"].astype(np.float32) * 256 + arrays["low"]
+    steps = joined(arrays["low"], arrays["high"]).astype(np.float32)
     return Remainder(arrays["basis"].astype(np.float32) / np.float32(FINEST), steps * arrays["step"])
+
+
+def apart(steps: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.int16]]:
+    """Return whole numbers below 2^22 as bytes and what those miss: apart from noisy bytes, calm ones take no room."""
+    high = (steps.astype(np.int32) + 128) >> 8
+    return (steps - 256 * high).astype(np.int8), high.astype(np.int16)
+
+
+def joined(low: NDArray[np.int8], high: NDArray[np.int16]) -> NDArray[np.int32]:
+    """Return the numbers of :func:`apart`."""
+    return 256 * high.astype(np.int32) + low
 
 
 def _basis(rest: NDArray[np.float32]) -> Work[NDArray[np.float32]]:
@@ -94,12 +105,11 @@ def _basis(rest: NDArray[np.float32]) -> Work[NDArray[np.float32]]:
 
 
 def _arrays(basis: NDArray[np.float32], coefficients: NDArray[np.float32], step: float) -> dict[str, NDArray[Any]]:
-    """Return coefficients in steps, the bytes of small ones apart from those that only large ones have."""
-    steps = np.clip(np.round(coefficients / np.float32(step)), -LARGEST, LARGEST).astype(np.int32)
-    high = (steps + 128) >> 8
+    """Return basis and coefficients in steps."""
+    low, high = apart(np.clip(np.round(coefficients / np.float32(step)), -LARGEST, LARGEST))
     return {
         "basis": np.round(FINEST * basis).astype(np.int16),
-        "low": (steps - 256 * high).astype(np.int8),
-        "high": high.astype(np.int16),
+        "low": low,
+        "high": high,
         "step": np.array(step, np.float32),
     }
