@@ -26,7 +26,7 @@ from ..lights import Lights
 from ..progress import Progress, Work
 from ..shape import Shape
 from . import interpolant, lobes, remainder
-from .stack import FLOOR, Expected, arrange, expect, neighbourhood, placed, reach, surface, unread
+from .stack import FLOOR, Expected, arrange, expect, neighbourhood, placed, reach, surface, unread, usable
 
 FORMAT = "lightsphere-relightable"
 VERSION = 1
@@ -170,7 +170,7 @@ def write(path: Path, capture: Capture, shape: Shape, rate: float, memory: float
     -------
     dict
         ``bytes``, the ``rate`` reached, and ``coded_rel_rmse``: root mean square of what the pictures of the file are
-        off over that of the pictures, on the object's pixels.
+        off over that of the pictures, where they are usable.
 
     Raises
     ------
@@ -191,8 +191,8 @@ def write(path: Path, capture: Capture, shape: Shape, rate: float, memory: float
     rest = stack.values  # its room is used for what is left
     for light in range(len(capture)):
         d2 = ((coded.points - coded.lights[light]) ** 2).sum(axis=1)
-        y = capture.image(light)[mask] * (d2[:, None] / np.maximum(coded.intensity[light], 1e-30))
-        rest[:, light] = np.nan_to_num(coded.remaining(light, y), posinf=0.0, neginf=0.0)
+        y = usable(capture, light, mask) * (d2[:, None] / np.maximum(coded.intensity[light], 1e-30))
+        rest[:, light] = np.nan_to_num(coded.remaining(light, y))
         yield Progress("compare", light + 1, len(capture), "pictures")
     coding = yield from remainder.coded(rest, whole / rate - len(_packed(arrays)) - HEADERS)
     data = _packed(arrays | coding)
@@ -203,10 +203,10 @@ def write(path: Path, capture: Capture, shape: Shape, rate: float, memory: float
 
 
 def _missing(capture: Capture, decoded: Capture, mask: NDArray[np.bool_]) -> Work[float]:
-    """Return the root mean square of what pictures differ by over that of the first, on pixels that are numbers."""
+    """Return the root mean square of what pictures differ by over that of the first, where it is usable."""
     lost, whole = 0.0, 0.0
     for light in range(len(capture)):
-        seen = capture.image(light)[mask].astype(np.float64)
+        seen = usable(capture, light, mask).astype(np.float64)
         good = np.isfinite(seen)
         lost += float(np.square((decoded.image(light)[mask] - seen)[good]).sum())
         whole += float(np.square(seen[good]).sum())
@@ -253,6 +253,19 @@ def _head(capture: Capture) -> NDArray[np.uint8]:
 
 
 def _coded(mask: NDArray[np.bool_], shape: Shape, lights: Lights, arrays: Arrays, rest: remainder.Remainder) -> Coded:
+    """Raise ValueError when the sizes of arrays are not those of one file."""
+    count, number = int(mask.sum()), len(lights)
+    wanted = {
+        "weights": (lobes.COLUMNS, 3, count),
+        "top": (lobes.COLUMNS,),
+        "octave": (count,),
+        "lit": (number, (count + 7) // 8),
+    }
+    sizes = {name: arrays[name].shape for name in wanted}
+    terms = len(rest.coefficients)
+    fits = not terms or (rest.basis.shape, rest.coefficients.shape) == ((number, terms), (terms, 3, count))
+    if sizes != wanted or not fits:
+        raise ValueError(f"its arrays do not belong together: {sizes}")
     geometry = surface(shape, mask)
     mean = np.exp2(arrays["octave"].astype(np.float32) / np.float32(OCTAVE))[:, None]
     return Coded(mask, *geometry, *placed(lights, geometry[0]), _weights(arrays), mean, arrays["lit"], rest)

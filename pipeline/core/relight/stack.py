@@ -119,14 +119,19 @@ def arrange(capture: Capture, shape: Shape, memory: float) -> Work[Stack]:
     stack = unread(capture, shape, memory)
     mask = capture.mask()
     _, intensity = placed(capture.lights, stack.points)
-    limit = float(capture.notes.get("saturation", np.inf))
     for light in range(len(capture)):
-        seen = capture.image(light)[mask]
-        usable = np.isfinite(seen).all(axis=1) & (seen < limit).all(axis=1)
+        seen = usable(capture, light, mask)
         stack.values[:, light] = seen / np.maximum(intensity[light], 1e-30).astype(np.float32)
-        stack.values[~usable, light] = np.nan
         yield Progress("read", light + 1, len(capture), "pictures")
     return stack
+
+
+def usable(capture: Capture, light: int, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return what a mask's pixels show under a light, (P, 3); NaN where it is saturated or not a number."""
+    seen = capture.image(light)[mask]
+    limit = float(capture.notes.get("saturation", np.inf))
+    good = np.isfinite(seen).all(axis=1) & (seen < limit).all(axis=1)
+    return np.where(good[:, None], seen, np.float32(np.nan))
 
 
 def unread(capture: Capture, shape: Shape, memory: float) -> Stack:

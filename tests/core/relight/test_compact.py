@@ -86,6 +86,30 @@ def test_a_damaged_file_is_told(made: tuple[Capture, Shape], tmp_path: Path, kee
         compact.read(path)
 
 
+@pytest.mark.parametrize("name", ["weights", "lit", "octave", "low", "basis", "depth"])
+def test_arrays_that_do_not_belong_together_are_told(made: tuple[Capture, Shape], tmp_path: Path, name: str) -> None:
+    path = tmp_path / "a.npz"
+    finish(compact.write(path, *made, rate=5, memory=MEMORY))
+    with np.load(path) as kept:
+        arrays = dict(kept)
+    arrays[name] = arrays[name][..., :-1] if name != "basis" else arrays[name][:-1]
+    np.savez_compressed(path, **arrays)
+    with pytest.raises(LightsphereError, match="no relightable file"):
+        compact.read(path)
+
+
+def test_what_is_saturated_is_as_expected(made: tuple[Capture, Shape], tmp_path: Path) -> None:
+    light = int(np.argmax([made[0].image(n).max() for n in range(len(made[0]))]))
+    whole = made[0].image(light)
+    cut = dataclasses.replace(made[0], notes={"saturation": float(whole.max()) / 2})
+    finish(compact.write(tmp_path / "a.npz", cut, made[1], rate=5, memory=MEMORY))
+    found = compact.read(tmp_path / "a.npz")[0].image(light)
+    over = (whole > whole.max() / 2).any(axis=-1)
+    assert over.any()
+    assert relative_rmse(found, whole, ~over & made[0].mask()) < 0.01
+    assert found[over].max() > whole.max() / 2  # a highlight that no picture has, told from the others
+
+
 def test_numbers_take_the_bytes_that_they_may_and_no_more() -> None:
     random = np.random.default_rng(5)
     rest = (random.normal(size=(900, 5)) @ random.normal(size=(5, 90))).reshape(900, 30, 3).astype(np.float32)
