@@ -1,9 +1,9 @@
 """The source's experiments against Cycles: two area lights, two stretched spots, a profile, and the light that moves.
 
 Run as ``.venv-3.13/bin/python tests/benchmarks/relight_lights.py [--cache FOLDER]`` with the Python that
-``bootstrap.py`` set up. Captures and shapes are those of ``relight_bars.py``. The lights stand in the scene, Cycles renders it, and
-``relight`` takes them from it; the error is ``relight_rel_rmse`` on the object's pixels, beside it that of the source's
-rule (Magda et al. 2001, equation 6).
+``bootstrap.py`` set up. Captures and shapes are those of ``relight_bars.py``. The lights stand in the scene, Cycles
+renders it, and ``relight`` takes them from it; the error is ``relight_rel_rmse`` on the object's pixels, beside it that
+of the source's rule (Magda et al. 2001, equation 6).
 """
 
 from __future__ import annotations
