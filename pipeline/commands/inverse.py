@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -113,6 +114,7 @@ def inverse(
             figures.promise = _promise(settings, goal, sure)
             figures.obtained(sure)
     if stopped:
+        print(f"lightsphere: what was found so far is in {output}; --overwrite searches anew", file=sys.stderr)
         raise KeyboardInterrupt
 
 
