@@ -197,6 +197,15 @@ class LIGHTSPHERE_OT_relight(StageOperator, bpy.types.Operator):
     stage = "relight"
 
 
+class LIGHTSPHERE_OT_keep(StageOperator, bpy.types.Operator):
+    """Keep capture and shape in one small file to relight from anywhere, and a map for RTI viewers. Esc stops"""
+
+    bl_idname = "lightsphere.keep"
+    bl_label = "Keep in a Small File"
+    bl_options = {"UNDO"}
+    stage = "keep"
+
+
 class LIGHTSPHERE_OT_inverse(StageOperator, bpy.types.Operator):
     """Recover what every group of surfaces of this scene reflects from one photograph of it. Esc stops"""
 
@@ -360,6 +369,7 @@ CLASSES = (
     LIGHTSPHERE_OT_reflectance,
     LIGHTSPHERE_OT_material,
     LIGHTSPHERE_OT_relight,
+    LIGHTSPHERE_OT_keep,
     LIGHTSPHERE_OT_inverse,
     LIGHTSPHERE_OT_compare,
     LIGHTSPHERE_OT_estimate,

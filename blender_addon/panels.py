@@ -157,6 +157,7 @@ class LIGHTSPHERE_PT_relight(StagePanel, bpy.types.Panel):
         self.layout.operator("lightsphere.relight_live", icon="PLAY", depress=live.session is not None)
         if live.session is not None:
             explain(self.layout, live.session.told)
+        self.layout.operator("lightsphere.keep", icon="FILE_ARCHIVE")
 
 
 class LIGHTSPHERE_PT_inverse(StagePanel, bpy.types.Panel):

@@ -19,6 +19,7 @@ from . import comparison, groups, results, settings
 
 SCENE_COPY = "scene.blend"
 PLOT = "profile.png"
+KEPT_RATE = "20"
 
 
 class Stage:
@@ -228,6 +229,22 @@ class Relight(Stage):
         return f"The picture {image.name!r} is among the images"
 
 
+class Keep(Stage):
+    """Keep capture and shape in one small file, and in a map for RTI viewers."""
+
+    name = "keep"
+    doing = "Writing the small file"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        return lacks_shape(scene)
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        return ["relight", str(given(scene, "shape_folder")), "-o", str(folder), "--compact", KEPT_RATE, "--ptm"]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        return f"The capture in 1/{KEPT_RATE} of its bytes, and a map for RTI viewers, are in {folder}"
+
+
 class Inverse(Stage):
     """Recover what every group of surfaces reflects from one photograph of the scene."""
 
@@ -297,6 +314,7 @@ STAGES: dict[str, Stage] = {
         Reflectance(),
         Material(),
         Relight(),
+        Keep(),
         Inverse(),
         Compare(),
     )

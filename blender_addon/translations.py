@@ -22,6 +22,7 @@ GERMAN = {
     "Recover Reflectance": "Reflexion gewinnen",
     "Make Material": "Material erzeugen",
     "Relight Live": "Fortlaufend neu beleuchten",
+    "Keep in a Small File": "In kleiner Datei aufheben",
     "Recover from Photograph": "Aus dem Foto gewinnen",
     "Compare with the Capture": "Mit der Aufnahme vergleichen",
     "Estimate Time and Error": "Zeit und Fehler schätzen",
@@ -68,6 +69,10 @@ GERMAN = {
     ),
     "Make a node material of what was recovered and add the asset to the scene. Esc stops": (
         "Macht ein Node-Material aus dem Gewonnenen und fügt das Asset der Szene hinzu. Esc hält an"
+    ),
+    "Keep capture and shape in one small file to relight from anywhere, and a map for RTI viewers. Esc stops": (
+        "Hebt Aufnahme und Form in einer kleinen Datei auf, die überall neu beleuchtet werden kann, und als Karte für "
+        "RTI-Betrachter. Esc hält an"
     ),
     "Make the captured picture under the lights of this scene, without tracing a ray. Esc stops": (
         "Macht das aufgenommene Bild unter den Lichtern dieser Szene, ohne einen Strahl zu verfolgen. Esc hält an"

@@ -121,6 +121,14 @@ def test_why_a_depth_is_what_it_is_comes_as_a_plot(captured: bpy.types.Scene) ->
         bpy.ops.lightsphere.profile()
 
 
+def test_capture_and_shape_are_kept_in_a_small_file(captured: bpy.types.Scene) -> None:
+    assert bpy.ops.lightsphere.keep() == {"FINISHED"}
+    small = next(Path(bpy.data.filepath).parent.rglob("relightable.npz"))
+    pictures = next(path for path in small.parent.parent.iterdir() if path.name.startswith("capture"))
+    assert small.stat().st_size < sum(path.stat().st_size for path in pictures.iterdir()) / 5
+    assert small.with_name("relit.ptm").is_file()
+
+
 def test_relit_by_the_scene_s_lights(captured: bpy.types.Scene) -> None:
     assert bpy.ops.lightsphere.relight() == {"FINISHED"}
     relit = pixels.array(bpy.data.images["relight_001"])
