@@ -33,6 +33,7 @@ SOFTEN = 0.03  # keeps a light that coincides with the new one from ruling the r
 RIDGE = 1e-3
 NEAR, ANYWHERE = 0.1, 4.0  # squared distances on the unit sphere within which lights are sought, first and at most
 WIDENED, FARTHER = 1.15, 4.0  # of the squared distance within which the pixel before found its own; of what has too few
+NEVER_BELOW = 1e-6  # of that: lights may all stand in one place
 BLOCK = 64  # pixels that one thread takes at a time
 MEET = 1e-9  # squared distance of directions below which lights are the same
 
@@ -62,8 +63,11 @@ def find_nearest(  # type: ignore[no-untyped-def]
             x, y, z = lights[i, 0] - point[0], lights[i, 1] - point[1], lights[i, 2] - point[2]
             cosine = (x * u[0] + y * u[1] + z * u[2]) / math.sqrt(x * x + y * y + z * z)
             distances[j] = max(2.0 - 2.0 * cosine, 0.0)
+            if distances[j] < distances[0]:  # single precision does not tell lights apart that nearly meet
+                distances[0], distances[j] = distances[j], distances[0]
+                nearest[0], nearest[j] = nearest[j], nearest[0]
     if nearest[last] >= 0:
-        near[0] = WIDENED * distances[last]
+        near[0] = max(WIDENED * distances[last], NEVER_BELOW)
 
 
 @kernel
