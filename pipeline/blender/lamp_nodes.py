@@ -7,6 +7,7 @@ sends in every direction, I = pi L R^2 / rho with rho = 1.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,11 +20,13 @@ from numpy.typing import NDArray
 from ..core.camera import Camera
 from ..core.errors import LightsphereError
 from . import cycles, exr
+from .ball import ball
+from .meshes import add_mesh
+from .nodes import new_material
 
 FORWARD = np.array([1.0, -1.0, -1.0])  # of a light's own axes, to those whose z it shines along: its own is -z
 SIZE = (256, 128)  # pixels of the panorama
 SAMPLES = 32
-SEGMENTS = 96  # around the ball: its faces are nearer than its corners by .0005
 UNLIKE = 0.05  # of the power, between what two distances say
 FAR = 200.0  # sizes of the light that the ball is away
 # The camera's axes as columns: where :func:`pipeline.core.relight.environment.sky` has +z above and +x in the middle.
@@ -86,30 +89,24 @@ def _panorama(item: bpy.types.Object, radius: float) -> NDArray[np.float64]:
 @contextlib.contextmanager
 def _alone(item: bpy.types.Object, radius: float) -> Iterator[bpy.types.Scene]:
     """Make a scene of a light, a ball about it and a panoramic camera for a while."""
-    import bmesh  # there is none before bpy
-
-    scene = bpy.data.scenes.new("Panorama")
-    camera, mesh = bpy.data.cameras.new("Panorama"), bpy.data.meshes.new("Panorama")
-    white = bpy.data.materials.new("Panorama")
-    whole = bmesh.new()
-    bmesh.ops.create_uvsphere(whole, u_segments=SEGMENTS, v_segments=SEGMENTS // 2, radius=radius)
-    whole.to_mesh(mesh)
-    whole.free()
-    mesh.shade_smooth()
-    mesh.materials.append(_diffuse(white))
+    scene, white = bpy.data.scenes.new("Panorama"), _white()
+    around = ball()
+    shell = add_mesh(scene, "Panorama", dataclasses.replace(around, vertices=radius * around.vertices), white)
+    shell.visible_shadow = False  # a sun shines from beyond it
+    camera = bpy.data.cameras.new("Panorama")
     camera.type, camera.clip_end = "PANO", 2 * radius
     (camera if hasattr(camera, "panorama_type") else camera.cycles).panorama_type = "EQUIRECTANGULAR"
-    objects = [bpy.data.objects.new("Panorama", data) for data in (item.data, mesh, camera)]
-    for one in objects:
+    lamp, eye = (bpy.data.objects.new("Panorama", data) for data in (item.data, camera))
+    for one in (lamp, eye):
         scene.collection.objects.link(one)
-    lamp, ball, scene.camera = objects
-    ball.visible_shadow = False  # a sun shines from beyond it
     lamp.scale, lamp.visible_camera = item.matrix_world.to_scale(), False
-    scene.camera.matrix_world = Matrix(LOOKING)
+    eye.matrix_world = Matrix(LOOKING)
+    scene.camera = eye
+    mesh = shell.data
     try:
         yield scene
     finally:
-        for one in objects:
+        for one in (lamp, shell, eye):
             bpy.data.objects.remove(one)
         bpy.data.scenes.remove(scene)
         bpy.data.cameras.remove(camera)
@@ -117,12 +114,10 @@ def _alone(item: bpy.types.Object, radius: float) -> Iterator[bpy.types.Scene]:
         bpy.data.materials.remove(white)
 
 
-def _diffuse(material: bpy.types.Material) -> bpy.types.Material:
+def _white() -> bpy.types.Material:
     """Make a material perfectly white and matt."""
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
+    material = new_material("Panorama")
     nodes = material.node_tree.nodes
-    nodes.clear()
     closure, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
     closure.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     material.node_tree.links.new(closure.outputs[0], output.inputs[0])

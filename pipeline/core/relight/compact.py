@@ -253,7 +253,7 @@ def _head(capture: Capture) -> NDArray[np.uint8]:
 
 
 def _coded(mask: NDArray[np.bool_], shape: Shape, lights: Lights, arrays: Arrays, rest: remainder.Remainder) -> Coded:
-    """Raise ValueError when the sizes of arrays are not those of one file."""
+    """Return what decodes the arrays of a file; raise ValueError when their sizes are not those of one file."""
     count, number = int(mask.sum()), len(lights)
     wanted = {
         "weights": (lobes.COLUMNS, 3, count),
