@@ -118,6 +118,15 @@ class Camera:
             centre=(self.centre[0] * factor, self.centre[1] * factor),
         )
 
+    def binned(self, side: int) -> Camera:
+        """Return the camera of pictures whose pixels are square blocks of this one's, what fills no block left out."""
+        return dataclasses.replace(
+            self,
+            resolution=(self.resolution[0] // side, self.resolution[1] // side),
+            focal=(self.focal[0] / side, self.focal[1] / side),
+            centre=(self.centre[0] / side, self.centre[1] / side),
+        )
+
     def as_json(self) -> dict[str, Any]:
         """Return the camera as plain JSON values."""
         return {

@@ -9,6 +9,7 @@ from ..settings import setting
 METHODS = ("double-sphere", "acls", "lambertian", "uncalibrated")
 COLOURS = ("bases", "weights")
 STARTS = ("lobe", "symmetry")
+LAMPS = ("distant", "near")
 STRENGTHS = {"similar": 0.2, "equal": 0.005, "unknown": 1.0}  # scatter of their logarithm
 OBJECTIVES = ("joint", "source")
 
@@ -47,9 +48,16 @@ class ShapeSettings:
         high=1000,
         low=0,
     )
+    lamps: str = setting(
+        "distant",
+        "what uncalibrated takes the lights for: distant ones, or lamps at arm's length, whose places and powers are "
+        "found",
+        choices=LAMPS,
+    )
     strengths: str = setting(
         "similar",
-        "what uncalibrated is told of the lights: similar, within some 20 %; equal; or unknown",
+        "what uncalibrated is told of the lights, of near ones of their powers: similar, within some 20 %; equal; or "
+        "unknown",
         choices=tuple(STRENGTHS),
     )
     cues: str = setting(

@@ -2,12 +2,13 @@
 
 Pixel p sees of light l, in colour c::
 
-    y_plc = max(n_p . s_l, 0) sum_k w_pk sum_j C_kjc g_j(n_p, s_l, v_p)
+    y_plc = max(n_p . s_pl, 0) sum_k w_pk sum_j C_kjc g_j(n_p, s_pl, v_p)
 
-with the unit normal n, the light s (its direction times its strength), the weights w >= 0 of the bases and the
-coefficients C >= 0 of the lobes g (:mod:`.lobes`). A Gauss-Newton step over all of these at once needs a system that is
-dense in the few unknowns shared by all pixels, lights and coefficients, and small for each pixel: normal (two tangents)
-and weights. Every pixel's own unknowns are eliminated (Schur complement), which costs a time linear in pixels.
+with the unit normal n, the light s that reaches the pixel (its direction times its strength, :mod:`.lamps`), the
+weights w >= 0 of the bases and the coefficients C >= 0 of the lobes g (:mod:`.lobes`). A Gauss-Newton step over all of
+these at once needs a system that is dense in the few unknowns shared by all pixels, lights and coefficients, and small
+for each pixel: normal (two tangents) and weights. Every pixel's own unknowns are eliminated (Schur complement), which
+costs a time linear in pixels.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from ...compiled import kernel, parallel_kernel
+from .lamps import arriving
 from .lobes import LEAST_FACING, lobes
 
 Array = NDArray[np.float64]
@@ -134,17 +136,19 @@ def respond(
 
 @parallel_kernel
 def certainties(
-    values: Array, usual: Array, noise: float, lit: Array, views: Array, normals: Array, weights: Array,
-    lights: Array, coefficients: Array, certainty: Array, misfit: Array,
+    values: Array, usual: Array, noise: float, lit: Array, views: Array, offsets: Array, normals: Array,
+    weights: Array, lights: Array, coefficients: Array, certainty: Array, misfit: Array,
 ) -> None:  # fmt: skip
     """Fill in how much each value (P, L) counts, and Cauchy's cost of its misfit."""
     pixels, count = lit.shape
     for p in prange(pixels):
         space = workspace(weights.shape[1], coefficients.shape[1])
+        here, slopes = np.empty(3), np.empty((lights.shape[1], 3))
         for k in range(count):
             certainty[p, k] = misfit[p, k] = 0.0
             if lit[p, k] > 0.0:
-                respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
+                arriving(lights[k], offsets[p], here, slopes)
+                respond(normals[p], views[p], here, weights[p], coefficients, space)
                 sure, cost = certainty_of(values[p, k], space[2], usual[p], noise)
                 certainty[p, k], misfit[p, k] = lit[p, k] * sure, lit[p, k] * cost
 
@@ -225,34 +229,35 @@ def solve_lower(factor: Array, b: Array) -> None:
 
 @parallel_kernel
 def eliminate(
-    values: Array, certainty: Array, views: Array, cues: Array, targets: Array, trust: Array, normals: Array,
-    weights: Array, lights: Array, coefficients: Array, damping: float,
+    values: Array, certainty: Array, views: Array, offsets: Array, cues: Array, targets: Array, trust: Array,
+    normals: Array, weights: Array, lights: Array, coefficients: Array, damping: float,
     factors: Array, reduced: Array, right: Array, shared: Array, gradient: Array,
 ) -> None:  # fmt: skip
     """Fill in the equations of all pixels with their own unknowns eliminated.
 
     Parameters
     ----------
-    values, certainty, views : (P, L, 3), (P, L), (P, 3)
+    values, certainty, views, offsets : (P, L, 3), (P, L), (P, 3), (P, 3)
     cues, targets, trust : (P, M, 3), (P, M), (P, M)
         What is known of a normal otherwise: cue . n = target.
-    normals, weights, lights, coefficients : (P, 3), (P, K), (L, 3), (K, J, 3)
+    normals, weights, lights, coefficients : (P, 3), (P, K), (L, N), (K, J, 3)
     damping : float
         Of Levenberg and Marquardt.
     factors : (P, 2 + K, 2 + K)
         Cholesky factor A (lower) of each pixel's damped system.
     reduced, right : (P, 2 + K, G), (P, 2 + K)
-        A^-1 times the coupling to the G = 3 L + 3 K J shared unknowns, and times the pixel's gradient.
+        A^-1 times the coupling to the G = N L + 3 K J shared unknowns, and times the pixel's gradient.
     shared, gradient : (T, G, G), (T, G)
         Zeros on entry; sums over T parts of the pixels: the shared unknowns' own system. Of its couplings between
         lights and coefficients only the lights' rows are filled in.
     """
     pixels, count = certainty.shape
     bases, functions = coefficients.shape[:2]
-    own, total, parts = 2 + bases, shared.shape[1], shared.shape[0]
+    own, total, parts, numbers = 2 + bases, shared.shape[1], shared.shape[0], lights.shape[1]
     for part in prange(parts):
         space = workspace(bases, functions)
-        tangents, value, by_light, by_lobe = space[0], space[2], space[5], space[6]
+        tangents, value, by_lobe = space[0], space[2], space[6]
+        here, slopes, by_light = np.empty(3), np.empty((numbers, 3)), np.empty((numbers, 3))
         coupling, slope = np.empty((own, total)), np.empty(own)
         for p in range(part * pixels // parts, (part + 1) * pixels // parts):
             a, b = factors[p], right[p]
@@ -263,36 +268,42 @@ def eliminate(
                 sure = certainty[p, k]
                 if sure <= 0.0:
                     continue
-                if not respond(normals[p], views[p], lights[k], weights[p], coefficients, space):
+                arriving(lights[k], offsets[p], here, slopes)
+                if not respond(normals[p], views[p], here, weights[p], coefficients, space):
                     continue
+                for j in range(numbers):
+                    for c in range(3):
+                        by_light[j, c] = 0.0
+                        for i in range(3):
+                            by_light[j, c] += slopes[j, i] * space[5][i, c]
                 for c in range(3):
                     miss = values[p, k, c] - value[c]
                     add_value(space, c, sure, miss, slope, a, b)
                     for i in range(own):
-                        for j in range(3):
-                            coupling[i, 3 * k + j] += sure * slope[i] * by_light[j, c]
+                        for j in range(numbers):
+                            coupling[i, numbers * k + j] += sure * slope[i] * by_light[j, c]
                         for n in range(bases):
                             share = sure * slope[i] * weights[p, n]
                             if share != 0.0:
                                 for j in range(functions):
-                                    coupling[i, 3 * count + (n * functions + j) * 3 + c] += share * by_lobe[j]
-                    for i in range(3):
-                        gradient[part, 3 * k + i] += sure * by_light[i, c] * miss
-                        for j in range(3):
-                            shared[part, 3 * k + i, 3 * k + j] += sure * by_light[i, c] * by_light[j, c]
+                                    coupling[i, numbers * count + (n * functions + j) * 3 + c] += share * by_lobe[j]
+                    for i in range(numbers):
+                        gradient[part, numbers * k + i] += sure * by_light[i, c] * miss
+                        for j in range(numbers):
+                            shared[part, numbers * k + i, numbers * k + j] += sure * by_light[i, c] * by_light[j, c]
                     for n in range(bases):
                         if weights[p, n] == 0.0:
                             continue
                         for j in range(functions):
-                            place = 3 * count + (n * functions + j) * 3 + c
+                            place = numbers * count + (n * functions + j) * 3 + c
                             share = sure * weights[p, n] * by_lobe[j]
                             gradient[part, place] += share * miss
-                            for i in range(3):
-                                shared[part, 3 * k + i, place] += share * by_light[i, c]
+                            for i in range(numbers):
+                                shared[part, numbers * k + i, place] += share * by_light[i, c]
                             for m in range(bases):
                                 if weights[p, m] != 0.0:
                                     for i in range(functions):
-                                        other = 3 * count + (m * functions + i) * 3 + c
+                                        other = numbers * count + (m * functions + i) * 3 + c
                                         shared[part, place, other] += share * weights[p, m] * by_lobe[i]
             for n in range(bases):
                 if weights[p, n] <= 0.0 and b[2 + n] <= 0.0:
@@ -309,30 +320,36 @@ def eliminate(
 
 @parallel_kernel
 def foreseen_costs(
-    values: Array, certainty: Array, views: Array, cues: Array, targets: Array, trust: Array, normals: Array,
-    weights: Array, lights: Array, coefficients: Array, costs: Array,
+    values: Array, certainty: Array, views: Array, offsets: Array, cues: Array, targets: Array, trust: Array,
+    normals: Array, weights: Array, lights: Array, coefficients: Array, costs: Array,
 ) -> None:  # fmt: skip
     """Fill in the weighted squared misfit of every pixel (P,), whose equations :func:`eliminate` has."""
     pixels, count = certainty.shape
     for p in prange(pixels):
         space = workspace(weights.shape[1], coefficients.shape[1])
+        here, slopes = np.empty(3), np.empty((lights.shape[1], 3))
         costs[p] = 0.0
         for m in range(trust.shape[1]):
             costs[p] += trust[p, m] * (targets[p, m] - (cues[p, m] * normals[p]).sum()) ** 2
         for k in range(count):
             if certainty[p, k] > 0.0:
-                respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
+                arriving(lights[k], offsets[p], here, slopes)
+                respond(normals[p], views[p], here, weights[p], coefficients, space)
                 for c in range(3):
                     costs[p] += certainty[p, k] * (values[p, k, c] - space[2][c]) ** 2
 
 
 @parallel_kernel
-def foresee(views: Array, normals: Array, weights: Array, lights: Array, coefficients: Array, foreseen: Array) -> None:
+def foresee(
+    views: Array, offsets: Array, normals: Array, weights: Array, lights: Array, coefficients: Array, foreseen: Array
+) -> None:
     """Fill in what every pixel shows of every light (P, L, 3)."""
     for p in prange(len(normals)):
         space = workspace(weights.shape[1], coefficients.shape[1])
+        here, slopes = np.empty(3), np.empty((lights.shape[1], 3))
         for k in range(len(lights)):
-            respond(normals[p], views[p], lights[k], weights[p], coefficients, space)
+            arriving(lights[k], offsets[p], here, slopes)
+            respond(normals[p], views[p], here, weights[p], coefficients, space)
             foreseen[p, k] = space[2]
 
 

@@ -17,6 +17,7 @@ from ...condition import condition
 from . import integrability
 from .equations import certainties, eliminate, foresee, foreseen_costs, turn_normals
 from .known import Known
+from .lamps import held_apart
 from .outline import Outline
 from .start import mean_strength_one
 
@@ -48,9 +49,10 @@ class Joint:
         What the pixels see, how much of it can be used, their usual value, the values' noise, and whence they see it.
     outline : Outline
         Of the P pixels.
-    normals, weights, lights, coefficients : (P, 3), (P, K), (L, 3), (K, J, 3)
+    normals, weights, lights, coefficients : (P, 3), (P, K), (L, N), (K, J, 3)
+        Lights are as in :mod:`.lamps`.
     scatter : float
-        Standard deviation of the logarithm of the lights' strengths, as far as it is known.
+        Standard deviation of the logarithm of the lights' strengths, or of near ones' powers, as far as it is known.
     known : Known
         Its cues are those that count beside the pictures.
     proxy : (P, 3) float64
@@ -73,16 +75,36 @@ class Joint:
 
     def __post_init__(self) -> None:
         pixels, count = self.lit.shape
-        bases, functions, colours = self.coefficients.shape
         self.damping = DAMPING[0]
+        self.centre, self.offsets = np.zeros(3), np.zeros((pixels, 3))
         self.certainty, self.misfit = np.empty((2, pixels, count))
         self._cues()
-        self.shared = 3 * count + bases * functions * colours
         self.beside = (np.zeros((0, 3 * count)), np.zeros(0))
         self.never = np.zeros(self.coefficients.shape, bool)
         self.never[:, 1:] = "highlights" not in self.known.cues
         self.coefficients = np.where(self.never, 0.0, self.coefficients)
         self.belief = 0.0
+
+    @property
+    def near(self) -> bool:
+        """Whether the lights' distances are unknowns, too."""
+        return bool(self.lights.shape[1] > 3)
+
+    @property
+    def reach(self) -> float:
+        """Distance of the object's farthest point from its centre."""
+        return float(np.sqrt((self.offsets**2).sum(axis=1).max()))
+
+    @property
+    def vectors(self) -> Array:
+        """The light (L, 3) of each lamp at the object's centre."""
+        return self.lights[:, :3]
+
+    def place(self, points: Array) -> None:
+        """Take up where the surface (P, 3) is; near lights' distances count from its mean."""
+        self.centre = points.mean(axis=0)
+        self.offsets = points - self.centre
+        self.lights = held_apart(self.lights, self.offsets)
 
     def _cues(self) -> None:
         """Arrange what is known of normals: cue . n = target, in units of its deviation, where it counts."""
@@ -111,12 +133,12 @@ class Joint:
         mean[mean <= 0] = 1.0
         self.weights = self.weights / mean
         self.coefficients = self.coefficients * mean[:, None, None]
-        level = np.linalg.norm(self.lights[0])
-        self.lights = mean_strength_one(self.lights)
-        self.weights = self.weights * (level / np.linalg.norm(self.lights[0]))
+        level = np.linalg.norm(self.vectors[0])
+        self.lights = np.hstack([mean_strength_one(self.vectors), self.lights[:, 3:]])
+        self.weights = self.weights * (level / np.linalg.norm(self.vectors[0]))
         certainties(
-            self.values, self.usual, self.noise, self.lit, self.views, self.normals, self.weights, self.lights,
-            self.coefficients, self.certainty, self.misfit,
+            self.values, self.usual, self.noise, self.lit, self.views, self.offsets, self.normals, self.weights,
+            self.lights, self.coefficients, self.certainty, self.misfit,
         )  # fmt: skip
         self.trust[:] = 0.0
         free = 3 * (self.certainty > 0).sum() - self.normals.shape[0] * (2 + self.weights.shape[1])
@@ -129,19 +151,19 @@ class Joint:
         """Take up that the normals are those of one surface, linearised where they are; after :meth:`weigh`."""
         if "surface" not in self.known.cues:
             return
-        matrix, target = integrability.cue(mask, rays, self.normals, self.lights, pinhole)
+        matrix, target = integrability.cue(mask, rays, self.normals, self.vectors, pinhole)
         weight = np.sqrt(CURL_TRUST * self.belief)
         self.beside = (np.vstack([self.beside[0], weight * matrix]), np.append(self.beside[1], weight * target))
 
     def cost(self) -> float:
         """Return what is minimised, as it is weighed now."""
-        off = self.beside[1] - self.beside[0] @ self.lights.ravel()
+        off = self.beside[1] - self.beside[0] @ self.vectors.ravel()
         return float(self._pixel_costs().sum() + self._strengths()[0] + (off**2).sum())
 
     def objective(self) -> float:
         """Return the robust cost that weighted costs stand for, comparable between starts; just after :meth:`weigh`."""
         off = self._off()[self.counted] ** 2
-        beside = self.beside[1] - self.beside[0] @ self.lights.ravel()
+        beside = self.beside[1] - self.beside[0] @ self.vectors.ravel()
         cues = self.belief * (off / (1.0 + off / OUTLYING**2)).sum()
         return float(self.misfit.sum() + cues + self._strengths()[0] + (beside**2).sum())
 
@@ -149,7 +171,7 @@ class Joint:
         """Go a step down in some of :data:`PARTS_OF_A_STEP`, or become calmer; return whether it went."""
         before = (self.normals, self.weights, self.lights, self.coefficients, self.cost())
         system, right, factors, reduced, pixels_right = self._equations()
-        lights, shared = 3 * len(self.lights), np.zeros(len(right))
+        lights, shared = self.lights.size, np.zeros(len(right))
         moved = np.repeat(["lights" in parts, "bases" in parts], [lights, len(right) - lights])
         if "pixels" in parts:  # they follow what is shared
             flat = reduced.reshape(-1, len(right))
@@ -163,7 +185,7 @@ class Joint:
         self.normals = self.normals.copy()
         turn_normals(own, self.views, self.normals)
         self.weights = np.maximum(self.weights + own[:, 2:], 0.0)
-        self.lights = self.lights + shared[:lights].reshape(-1, 3)
+        self.lights = held_apart(self.lights + shared[:lights].reshape(self.lights.shape), self.offsets)
         self.coefficients = np.maximum(self.coefficients + shared[lights:].reshape(self.coefficients.shape), 0.0)
         if self.cost() < before[4]:
             self.damping = max(self.damping * BOLDER, DAMPING[1])
@@ -180,12 +202,12 @@ class Joint:
         everything, matt = np.empty((2, *self.values.shape))
         lambertian = self.coefficients * (np.arange(self.coefficients.shape[1]) == 0)[:, None]
         for coefficients, light in ((self.coefficients, everything), (lambertian, matt)):
-            foresee(self.views, self.normals, self.weights, self.lights, coefficients, light)
+            foresee(self.views, self.offsets, self.normals, self.weights, self.lights, coefficients, light)
         sure = self.certainty[..., None]
         return 1.0 - float((sure * matt).sum() / max((sure * everything).sum(), 1e-300))
 
     def light_covariance(self) -> tuple[Array, float]:
-        """Return the covariance (3 L, 3 L) of the lights that the misfit and the curvature of the cost give.
+        """Return the covariance (L, N, L, N) of the lights that the misfit and the curvature of the cost give.
 
         Beside it the condition number of that curvature, over all unknowns that pixels share.
         """
@@ -195,35 +217,38 @@ class Joint:
         system = system - flat.T @ flat
         self.damping = damping
         free = np.diag(system) > RIDGE * np.diag(system).max()
-        free[3 * len(self.lights) :] &= self.coefficients.ravel() > 0
-        count = 3 * len(self.lights)
+        count = self.lights.size
+        free[count:] &= self.coefficients.ravel() > 0
         curvature = system[np.ix_(free, free)]
-        inverse = np.linalg.pinv(curvature, hermitian=True)
-        return np.asarray(ALIKE / CORRELATED * self.belief * inverse[:count, :count]), float(condition(curvature))
+        inverse = np.linalg.pinv(curvature, hermitian=True)[:count, :count].reshape(2 * self.lights.shape)
+        return np.asarray(ALIKE / CORRELATED * self.belief * inverse), float(condition(curvature))
 
     def _equations(self) -> tuple[Array, Array, Array, Array, Array]:
         """Return the shared unknowns' damped system (G, G) and right side, and what :func:`eliminate` fills in."""
-        pixels, own, total = len(self.normals), 2 + self.weights.shape[1], self.shared
+        pixels, own, total = len(self.normals), 2 + self.weights.shape[1], self.lights.size + self.coefficients.size
         factors, reduced = np.empty((pixels, own, own)), np.empty((pixels, own, total))
         right = np.empty((pixels, own))
         system, gradient = np.zeros((PARTS, total, total)), np.zeros((PARTS, total))
         eliminate(
-            self.values, self.certainty, self.views, self.cues, self.targets, self.trust, self.normals, self.weights,
-            self.lights, self.coefficients, self.damping, factors, reduced, right, system, gradient,
+            self.values, self.certainty, self.views, self.offsets, self.cues, self.targets, self.trust, self.normals,
+            self.weights, self.lights, self.coefficients, self.damping, factors, reduced, right, system, gradient,
         )  # fmt: skip
         matrix, vector = system.sum(axis=0), gradient.sum(axis=0)
-        lights = 3 * len(self.lights)
+        lights = self.lights.size
         matrix[lights:, :lights] = matrix[:lights, lights:].T
         _, strength_matrix, strength_right = self._strengths()
-        matrix[:lights, :lights] += strength_matrix + self.beside[0].T @ self.beside[0]
-        vector[:lights] += strength_right + self.beside[0].T @ (self.beside[1] - self.beside[0] @ self.lights.ravel())
+        matrix[:lights, :lights] += strength_matrix
+        vector[:lights] += strength_right
+        vectors = np.arange(lights).reshape(self.lights.shape)[:, :3].ravel()
+        matrix[np.ix_(vectors, vectors)] += self.beside[0].T @ self.beside[0]
+        vector[vectors] += self.beside[0].T @ (self.beside[1] - self.beside[0] @ self.vectors.ravel())
         diagonal = np.diag(matrix).copy()
         matrix[np.diag_indices(total)] += self.damping * diagonal + RIDGE * diagonal.max()
         return matrix, vector, factors, reduced, right
 
     def _solved(self, system: Array, right: Array, still: NDArray[np.bool_]) -> Array:
         """Return the step of the shared unknowns but those that stand still; coefficients do not step below zero."""
-        lights = 3 * len(self.lights)
+        lights = self.lights.size
         now = self.coefficients.ravel()
         held = still.copy()
         held[lights:] |= ((now <= 0) & (right[lights:] <= 0)) | self.never.ravel()
@@ -241,26 +266,29 @@ class Joint:
     def _known_lights(self) -> tuple[Array, Array]:
         """Return equations ``matrix @ s = target``: known lights' parts across their directions are nothing."""
         directions = self.known.directions
-        matrix = np.zeros((3 * len(directions), self.lights.size))
+        matrix = np.zeros((3 * len(directions), self.vectors.size))
         for row, (number, direction) in enumerate(zip(self.known.lights, directions, strict=True)):
             across = np.eye(3) - np.outer(direction, direction)
             matrix[3 * row : 3 * row + 3, 3 * number : 3 * number + 3] = across
         return np.sqrt(self.belief) / LIGHT * matrix, np.zeros(len(matrix))
 
     def _strengths(self) -> tuple[float, Array, Array]:
-        """Return cost, matrix and right side of the strengths' being alike."""
-        strength = np.linalg.norm(self.lights, axis=1)
+        """Return cost, matrix and right side of the strengths', or of near lights' powers, being alike."""
+        strength = np.linalg.norm(self.vectors, axis=1)
         weight = self.belief / (self.scatter if "strengths" in self.known.cues else OPEN) ** 2
-        slope = np.zeros((len(strength), 3 * len(strength)))
-        for k, light in enumerate(self.lights / strength[:, None] ** 2):
-            slope[k, 3 * k : 3 * k + 3] = light
-        off = np.log(strength)
+        off, slope = np.log(strength), np.zeros((len(strength), *self.lights.shape))
+        for k, light in enumerate(self.vectors / strength[:, None] ** 2):
+            slope[k, k, :3] = light
+        for near in self.lights[:, 3:].T:  # the light at the centre is a lamp's power times q squared
+            off = off - 2.0 * (np.log(near) - np.log(near).mean())
+            slope[..., 3] = 2.0 * (1.0 / len(near) - np.eye(len(near))) / near
+        slope = slope.reshape(len(off), -1)
         return float(weight * (off**2).sum()), weight * slope.T @ slope, -weight * slope.T @ off
 
     def _pixel_costs(self) -> Array:
         costs = np.empty(len(self.normals))
         foreseen_costs(
-            self.values, self.certainty, self.views, self.cues, self.targets, self.trust, self.normals, self.weights,
-            self.lights, self.coefficients, costs,
+            self.values, self.certainty, self.views, self.offsets, self.cues, self.targets, self.trust, self.normals,
+            self.weights, self.lights, self.coefficients, costs,
         )  # fmt: skip
         return costs

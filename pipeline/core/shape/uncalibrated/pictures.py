@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, convolve
 
 from ...camera import Camera
+from ..integration import integrate
 from ..photometric.sight import Sight
 
 Array = NDArray[np.float64]
@@ -28,23 +29,33 @@ class Pictures:
     ----------
     mask : (H, W) bool
         Where the pixels are; numbered in row order.
-    rays : (P, 6) float64
-        Origin and unit direction, camera space.
+    camera : Camera
+        Of pictures of the mask's size.
     values : (P, L, 3) float64
         Radiance in any unit.
     usable : (P, L) float64
         0 where saturated or not a number, 1 where trusted.
     noise : float
         Standard deviation of the noise of a value of one colour.
-    pinhole : bool
     """
 
     mask: NDArray[np.bool_]
-    rays: Array
+    camera: Camera
     values: Array
     usable: Array
     noise: float
-    pinhole: bool
+
+    @cached_property
+    def rays(self) -> Array:
+        """Origins and unit directions (P, 6) of the pixels' rays, camera space."""
+        origins, directions = (part[self.mask] for part in self.camera.rays())
+        to_camera = self.camera.to_world[:3, :3]
+        return np.concatenate([(origins - self.camera.to_world[:3, 3]) @ to_camera, directions @ to_camera], axis=1)
+
+    @property
+    def pinhole(self) -> bool:
+        """Whether the rays leave one point."""
+        return self.camera.model == "pinhole"
 
     @cached_property
     def views(self) -> Array:
@@ -73,24 +84,21 @@ class Pictures:
         return np.asarray(low + (place - np.floor(place)) * (high - low))[:, 0]
 
 
+def surface_points(pictures: Pictures, normals: Array) -> Array:
+    """Return the points (P, 3), camera space, of the surface through the pixels' normals (P, 3)."""
+    normal = np.full((*pictures.mask.shape, 3), np.nan)
+    normal[pictures.mask] = normals
+    depth = integrate(normal, pictures.mask, pictures.camera)[pictures.mask]
+    return np.asarray(pictures.rays[:, :3] + depth[:, None] * pictures.rays[:, 3:])
+
+
 def pictures_of(camera: Camera, mask: NDArray[np.bool_], sight: Sight, unit: Array) -> Pictures:
     """Return what a camera's pixels see of L lights, in units (L, 3)."""
-    rays = _camera_rays(camera, mask, 1)
-    pinhole = camera.model == "pinhole"
     values = sight.values / unit
-    return Pictures(mask, rays, values, sight.usable.astype(np.float64), noise_of(mask, values), pinhole)
+    return Pictures(mask, camera, values, sight.usable.astype(np.float64), noise_of(mask, values))
 
 
-def _camera_rays(camera: Camera, mask: NDArray[np.bool_], side: int) -> Array:
-    """Return origin and direction (P, 6), camera space, of the rays through the centres of a mask's blocks."""
-    height, width = mask.shape
-    row, column = np.mgrid[:height, :width]
-    origins, directions = camera.rays_at((np.stack([column, row], axis=-1)[mask] + 0.5) * side)
-    to_camera = camera.to_world[:3, :3]
-    return np.concatenate([(origins - camera.to_world[:3, 3]) @ to_camera, directions @ to_camera], axis=1)
-
-
-def reduced(camera: Camera, full: Pictures, side: int) -> Pictures:
+def reduced(full: Pictures, side: int) -> Pictures:
     """Return the means of square blocks of pixels within the mask."""
     mask = blocks(full.mask, side).all(axis=(1, 3))
     count = full.values.shape[1]
@@ -100,8 +108,7 @@ def reduced(camera: Camera, full: Pictures, side: int) -> Pictures:
         picture[full.mask], used[full.mask] = full.values[:, light], full.usable[:, light]
         values[:, light] = blocks(picture, side).mean(axis=(1, 3))[mask]
         usable[:, light] = blocks(used, side).min(axis=(1, 3))[mask]
-    rays = _camera_rays(camera, mask, side)
-    return Pictures(mask, rays, values, usable, full.noise / side, full.pinhole)
+    return Pictures(mask, full.camera.binned(side), values, usable, full.noise / side)
 
 
 def blocks(picture: NDArray[np.generic], side: int) -> NDArray[np.generic]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...compiled import kernel, parallel_kernel
 from .equations import RIDGE, add_value, certainty_of, cholesky, frame, respond, solve_lower, turn, workspace
+from .lamps import arriving
 
 Array = NDArray[np.float64]
 
@@ -19,15 +20,16 @@ STILL = 1e-4  # step [rad] that ends them
 
 @parallel_kernel
 def refine_pixels(
-    values: Array, usual: Array, noise: float, lit: Array, views: Array, lights: Array, coefficients: Array,
-    expected: Array, pulls: Array, normals: Array, weights: Array, costs: Array, misfits: Array, stiffness: Array,
+    values: Array, usual: Array, noise: float, lit: Array, views: Array, offsets: Array, lights: Array,
+    coefficients: Array, expected: Array, pulls: Array, normals: Array, weights: Array, costs: Array, misfits: Array,
+    stiffness: Array,
 ) -> None:  # fmt: skip
     """Fit normal and weights of every pixel to known lights and bases, in place.
 
     Parameters
     ----------
-    values, usual, noise, lit, views : (P, L, 3), (P,), float, (P, L), (P, 3)
-    lights, coefficients : (L, 3), (K, J, 3)
+    values, usual, noise, lit, views, offsets : (P, L, 3), (P,), float, (P, L), (P, 3), (P, 3)
+    lights, coefficients : (L, N), (K, J, 3)
     expected, pulls : (P, 3 + K), (P, 3 + K)
         Normal and weights that the surroundings have, and what a squared difference from each adds to the cost.
     normals, weights : (P, 3), (P, K)
@@ -45,6 +47,7 @@ def refine_pixels(
     for p in prange(pixels):
         space = workspace(bases, coefficients.shape[1])
         tangents, value = space[0], space[2]
+        here, slopes = np.empty(3), np.empty((lights.shape[1], 3))
         a, b, slope = np.empty((own, own)), np.empty(own), np.empty(own)
         kept_a, kept_b, kept_tangents = np.zeros((own, own)), np.zeros(own), np.zeros((2, 3))
         pull, there = pulls[p], expected[p]
@@ -57,7 +60,8 @@ def refine_pixels(
             for k in range(count):
                 if lit[p, k] <= 0.0:
                     continue
-                above = respond(normal, views[p], lights[k], weight, coefficients, space)
+                arriving(lights[k], offsets[p], here, slopes)
+                above = respond(normal, views[p], here, weight, coefficients, space)
                 sure, cost = certainty_of(values[p, k], value, usual[p], noise)
                 robust += lit[p, k] * cost
                 seen += lit[p, k]

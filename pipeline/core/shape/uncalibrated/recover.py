@@ -1,23 +1,24 @@
 """Shape, reflectance and lights of a capture whose lights are not known.
 
 The lights and the bases come from the pictures reduced to a few thousand pixels (:mod:`.solve`); then every pixel is
-fitted to them by itself, and the surface integrated. Lights are distant. The brightness of all lights together is
-open: it is set so that bright pixels get the albedo :data:`BRIGHT_ALBEDO`.
+fitted to them by itself, and the surface integrated. Lights are distant, or near points whose places and powers are
+found. The brightness of all lights together is open: it is set so that bright pixels get the albedo
+:data:`BRIGHT_ALBEDO`. So is the size of all: of a pinhole camera's pictures the object and the lights' distances.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...camera import Camera
 from ...capture import Capture
 from ...condition import noted
 from ...errors import LightsphereError
-from ...lights import Lights
+from ...lights import SURFACES, Lights
 from ...progress import Work
 from ...reflectance.bivariate import Bivariate
 from .. import Shape
@@ -26,12 +27,14 @@ from ..photometric.recover import USUAL_DEVIATION, surface
 from ..photometric.sight import Sight, see
 from ..settings import STRENGTHS, ShapeSettings
 from . import lobes
+from .certainty import deviations, doubts
 from .joint import Joint
 from .known import known
+from .lamps import directions, places
 from .outline import outline
 from .pictures import Pictures, blocks, pictures_of, reduced
 from .scales import Scale, every_pixel
-from .solve import Problem, Solution, solve
+from .solve import Problem, solve
 
 Array = NDArray[np.float64]
 
@@ -39,10 +42,6 @@ FEWEST = 6  # photographs that tell lights and normals apart
 PIXELS, USUAL_COUNT = 1800, 12  # about so many are solved together with the lights of so many photographs
 FEW_PIXELS = 60
 BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
-FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
-MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
-GUESSED, SAID_EQUAL = 5.0, 0.1  # deviation [degrees] where guesses decide the relief; scatter of strengths that fix it
-UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
         raise LightsphereError(f"{capture.folder}: the object is black in nearly all photographs; look at them")
     colours = _light_colours(sight)
     everything = pictures_of(capture.camera, mask, sight, level * colours)
-    scales = _scales(capture.camera, everything)
+    scales = _scales(everything)
     coarse = scales[0].pictures
     problem = Problem(
         pictures=coarse,
@@ -96,46 +95,82 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
         scatter=STRENGTHS[settings.strengths],
         known=told,
         proxy=_proxy_of_blocks(told.normals, scales[0]),
+        near=settings.lamps == "near",
         together=settings.objective == "joint",
     )
     solution = yield from solve(problem)
     joint = solution.joint
     fitted = yield from every_pixel(scales, joint)
     normals, weights = fitted.normals, fitted.weights
-    strength = np.linalg.norm(joint.lights, axis=1)
-    direction = joint.lights / strength[:, None]
     bright = float(np.quantile(everything.usual, BRIGHT)) * level / BRIGHT_ALBEDO
-    to_world = capture.camera.to_world[:3, :3]
-    intensity = np.pi * bright * strength[:, None] * colours
-    lights = Lights("distant", direction @ to_world.T, intensity, np.full(len(direction), 2))
     scaled = joint.coefficients * level / (np.pi * bright)
     covariance, conditioned = joint.light_covariance()
-    spread = _deviations(solution, covariance)
-    doubts = _doubts(joint, spread)
+    unsure = deviations(solution, covariance)
+    left_open = doubts(joint, unsure[0])
     misfit = fitted.misfit / (1.0 + fitted.misfit)
     confidence = (1.0 - misfit) / (1.0 + fitted.deviation / USUAL_DEVIATION)
     layers = {"misfit": misfit, "normal_deviation": np.degrees(fitted.deviation)}
     shape = surface(capture, mask, normals, confidence, None, layers)
     if proxy is not None:
         shape = dataclasses.replace(shape.levelled(proxy.depth), notes={"level": "of the proxy"})
+    lights = _in_the_world(joint, everything.rays, fitted.offsets, shape, np.pi * bright * colours)
     notes = {
-        "lights": [
-            {"direction": d.tolist(), "strength": float(s), "deviation_deg": float(u)}
-            for d, s, u in zip(lights.position, strength, spread, strict=True)
-        ],
-        "doubts": list(doubts),
+        "lights": _described(lights, shape, unsure),
+        "doubts": list(left_open),
         "objectives": list(solution.objectives),
         "objective": list(solution.course),
         "cues": sorted(joint.known.cues),
         "condition": {"lights and bases": noted(np.array([conditioned]))},
     }
     shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
-    lit = dataclasses.replace(sight, lights=np.ascontiguousarray(direction))
+    lit = dataclasses.replace(sight, lights=places(joint.lights), near=joint.near, points=fitted.offsets)
     reflectance = _reflectance(mask, lit, everything, normals, weights, scaled, misfit)
-    return Recovered(shape, reflectance, lights, spread, doubts)
+    return Recovered(shape, reflectance, lights, unsure[0], left_open)
 
 
-def _scales(camera: Camera, full: Pictures) -> list[Scale]:
+def _in_the_world(joint: Joint, rays: Array, offsets: Array, shape: Shape, unit: Array) -> Lights:
+    """Return the lights where they are to the surface as it was put in the end.
+
+    Parameters
+    ----------
+    joint : Joint
+    rays, offsets : (P, 6), (P, 3) float64
+        Of the shape's pixels: their rays in camera space, and where the surface was when near lights were found.
+    shape : Shape
+    unit : (L, 3) float64
+        Irradiance that a strength of one stands for [W/m^2].
+    """
+    to_world, strength = shape.camera.to_world[:3, :3], np.linalg.norm(joint.vectors, axis=1, keepdims=True)
+    surfaces = np.full(len(strength), SURFACES.index(""))
+    if not joint.near:
+        return Lights("distant", directions(joint.lights) @ to_world.T, strength * unit, surfaces)
+    then = ((joint.centre + offsets - rays[:, :3]) * rays[:, 3:]).sum(axis=1)
+    now = shape.depth[np.isfinite(shape.normal).all(axis=-1)].astype(np.float64)
+    away, place = np.linalg.norm(places(joint.lights), axis=1, keepdims=True), joint.centre + places(joint.lights)
+    if shape.camera.model == "pinhole":
+        grown = float(np.nanmedian(now / then))
+        away, place = grown * away, grown * place
+    else:
+        place = place - [0.0, 0.0, float(np.nanmedian(now - then))]
+    return Lights("near", place @ to_world.T + shape.camera.to_world[:3, 3], strength * away**2 * unit, surfaces)
+
+
+def _described(lights: Lights, shape: Shape, unsure: tuple[Array, Array]) -> list[dict[str, Any]]:
+    """Return what is written of every light: direction and distance from the object's centre, strength, how sure."""
+    gray = lights.intensity.mean(axis=1)
+    strength, away = gray / np.exp(np.log(gray).mean()), lights.position
+    if lights.kind == "near":
+        away = away - np.nanmean(shape.points().reshape(-1, 3), axis=0)
+    told = []
+    for k, distance in enumerate(np.linalg.norm(away, axis=1)):
+        one = {"direction": (away[k] / distance).tolist(), "strength": strength[k], "deviation_deg": unsure[0][k]}
+        if lights.kind == "near":
+            one |= {"distance": distance, "distance_deviation_pct": 100.0 * unsure[1][k]}
+        told.append({name: value if isinstance(value, list) else float(value) for name, value in one.items()})
+    return told
+
+
+def _scales(full: Pictures) -> list[Scale]:
     """Return the pictures at blocks of half the side each, from about :data:`PIXELS` blocks to the pixels.
 
     Of more photographs each block tells more, and costs more.
@@ -144,7 +179,7 @@ def _scales(camera: Camera, full: Pictures) -> list[Scale]:
     side = max(round(float(np.sqrt(full.mask.sum() / wanted))), 1)
     found = []
     while side > 1:
-        coarse = reduced(camera, full, side)
+        coarse = reduced(full, side)
         if len(coarse.values) >= FEW_PIXELS:
             found.append(Scale(side, coarse))
         side = (side + 1) // 2
@@ -179,48 +214,6 @@ def _light_colours(sight: Sight) -> Array:
     change = np.nan_to_num(np.nanmedian(ratio - np.nanmedian(ratio, axis=1, keepdims=True), axis=0))
     colours = np.exp(change)
     return np.asarray(colours / colours.mean(axis=1, keepdims=True))
-
-
-def _deviations(solution: Solution, covariance: Array) -> Array:
-    """Return the standard deviation of every light [degrees]: by the curvature, and by what is nearly as good."""
-    best = solution.joint
-    strength = np.linalg.norm(best.lights, axis=1)
-    direction = best.lights / strength[:, None]
-    squares = np.empty(len(strength))
-    for k, d in enumerate(direction):
-        across = np.eye(3) - np.outer(d, d)
-        block = covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        squares[k] = np.trace(across @ block @ across) / strength[k] ** 2
-    for lights in solution.doubtful:
-        there = lights / np.linalg.norm(lights, axis=1, keepdims=True)
-        squares += np.linalg.norm(np.cross(direction, there), axis=1) ** 2
-    if (best.gloss() < MATT or _nearly_flat(direction)) and best.scatter > SAID_EQUAL and not len(best.known.lights):
-        squares += np.radians(GUESSED) ** 2
-    return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2))
-
-
-def _nearly_flat(direction: Array) -> bool:
-    """Return whether lights lie nearly in one plane or one small cone."""
-    spread = np.linalg.svd(direction, compute_uv=False)
-    return bool(spread[2] < FLAT * spread[0])
-
-
-def _doubts(joint: Joint, deviation: Array) -> tuple[str, ...]:
-    """Return in words what the photographs leave open."""
-    doubts = []
-    if _nearly_flat(joint.lights / np.linalg.norm(joint.lights, axis=1, keepdims=True)):
-        doubts.append(
-            "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
-        )
-    if joint.gloss() < MATT:
-        doubts.append("there are no highlights; how high the relief is rests on outline and strengths alone")
-    if not joint.outline.rim.any():
-        doubts.append(
-            "the object's outline is not in the picture; how high the relief is rests on strengths and highlights"
-        )
-    if deviation.mean() > UNSURE:
-        doubts.append(f"the lights are known to {deviation.mean():.1f} degrees only")
-    return tuple(doubts)
 
 
 def _reflectance(

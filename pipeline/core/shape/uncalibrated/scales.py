@@ -19,6 +19,7 @@ from ...progress import Progress, Work
 from ..photometric.sight import Sight
 from ..photometric.start import half_way, seen_from
 from .joint import Joint
+from .lamps import places
 from .pictures import Pictures
 from .pixels import refine_pixels
 
@@ -51,6 +52,8 @@ class Fitted:
         Cost of a value that is off by one standard deviation.
     deviation : (P,) float64
         Standard deviation of the normal [rad].
+    offsets : (P, 3) float64
+        Of the surface from the centre to which near lights' places refer, as it was taken.
     """
 
     normals: Array
@@ -58,6 +61,7 @@ class Fitted:
     misfit: Array
     noise: Array
     deviation: Array
+    offsets: Array
 
     @property
     def both(self) -> Array:
@@ -75,35 +79,39 @@ def every_pixel(scales: Sequence[Scale], joint: Joint) -> Work[Fitted]:
     joint : Joint
     """
     now, total = scales[0], 2 * sum(len(scale.pictures.values) for scale in scales)
+    offsets = joint.offsets
     nothing = np.zeros((len(joint.normals), 3 + joint.weights.shape[1]))
     own = (joint.normals, joint.weights)
-    found = yield from _fitted(now.pictures, joint, nothing, nothing, [own], (0, total))
+    found = yield from _fitted(now.pictures, joint, offsets, nothing, nothing, [own], (0, total))
     expected = _surroundings(now.pictures.mask, found)
     pulls = _pulls(found, expected)
     pulls[:, :3] = 0.0  # a normal at an edge is none of its surroundings'
-    found = yield from _fitted(now.pictures, joint, expected, pulls, [own, _parts(expected)], (len(own[0]), total))
+    found = yield from _fitted(
+        now.pictures, joint, offsets, expected, pulls, [own, _parts(expected)], (len(own[0]), total)
+    )
     done = 2 * len(own[0])
     for scale in scales[1:]:
-        expected = _finer(now, scale, found)
-        start = _parts(expected)
-        views, direction = scale.pictures.views, joint.lights / np.linalg.norm(joint.lights, axis=1, keepdims=True)
+        expected, offsets = _unit(_finer(now, scale, found.both)), _finer(scales[0], scale, joint.offsets)
+        start, views = _parts(expected), scale.pictures.views
         sight = Sight(
-            scale.pictures.values.astype(np.float32), scale.pictures.lit.astype(np.float32), direction, False,
-            np.zeros_like(views), views,
+            scale.pictures.values.astype(np.float32), scale.pictures.lit.astype(np.float32), places(joint.lights),
+            joint.near, offsets, views,
         )  # fmt: skip
         starts = [(seen_from(start[0], sight), start[1]), (half_way(sight), start[1])]
         nothing = np.zeros_like(expected)
-        free = yield from _fitted(scale.pictures, joint, nothing, nothing, starts, (done, total))
+        free = yield from _fitted(scale.pictures, joint, offsets, nothing, nothing, starts, (done, total))
         starts.append((free.normals, free.weights))
         done += len(views)
-        found = yield from _fitted(scale.pictures, joint, expected, _pulls(free, expected), starts, (done, total))
+        found = yield from _fitted(
+            scale.pictures, joint, offsets, expected, _pulls(free, expected), starts, (done, total)
+        )
         now, done = scale, done + len(views)
     return found
 
 
 def _fitted(
-    pictures: Pictures, joint: Joint, expected: Array, pulls: Array, starts: Sequence[tuple[Array, Array]],
-    progress: tuple[int, int],
+    pictures: Pictures, joint: Joint, offsets: Array, expected: Array, pulls: Array,
+    starts: Sequence[tuple[Array, Array]], progress: tuple[int, int],
 ) -> Work[Fitted]:  # fmt: skip
     """Fit every pixel from some starts (P, 3), (P, K), and return the best ends."""
     pixels, bases = len(expected), expected.shape[1] - 3
@@ -117,7 +125,7 @@ def _fitted(
             end = (start[0][part].copy(), start[1][part].copy(), *np.empty((3, len(least))))
             refine_pixels(
                 pictures.values[part], pictures.usual[part], pictures.noise, pictures.lit[part], pictures.views[part],
-                lights, joint.coefficients, expected[part], pulls[part], *end,
+                offsets[part], lights, joint.coefficients, expected[part], pulls[part], *end,
             )  # fmt: skip
             better = end[2] < least
             for kept, new in zip((normals, weights, misfit, stiffness), (*end[:2], *end[3:]), strict=True):
@@ -127,7 +135,7 @@ def _fitted(
     used = np.maximum((pictures.lit > 0).sum(axis=1), 1)
     noise = misfit * used / np.maximum(used - 2, 1)
     deviation = np.minimum(np.sqrt(noise / np.maximum(stiffness, 1e-12)), np.pi / 2)
-    return Fitted(normals, weights, misfit, noise, deviation)
+    return Fitted(normals, weights, misfit, noise, deviation, offsets)
 
 
 def _pulls(found: Fitted, expected: Array) -> Array:
@@ -159,15 +167,15 @@ def _surroundings(mask: NDArray[np.bool_], found: Fitted) -> Array:
     return _unit(np.where(alone[:, None], both, mean))
 
 
-def _finer(coarse: Scale, fine: Scale, found: Fitted) -> Array:
-    """Return normals and weights (P, 3 + K) of a coarse scale at the places of a finer one."""
+def _finer(coarse: Scale, fine: Scale, values: Array) -> Array:
+    """Return values (P, N) of a coarse scale at the places of a finer one."""
     nearest = distance_transform_edt(~coarse.pictures.mask, return_distances=False, return_indices=True)
     place = (np.argwhere(fine.pictures.mask) + 0.5) * fine.side / coarse.side - 0.5
     picture, columns = np.zeros(coarse.pictures.mask.shape), []
-    for column in found.both.T:
+    for column in values.T:
         picture[coarse.pictures.mask] = column
         columns.append(map_coordinates(picture[tuple(nearest)], place.T, order=1, mode="nearest"))
-    return _unit(np.stack(columns, axis=1))
+    return np.ascontiguousarray(np.stack(columns, axis=1))
 
 
 def _unit(both: Array) -> Array:

@@ -18,7 +18,7 @@ from . import lobes
 from .joint import PARTS_OF_A_STEP, Joint
 from .known import Known
 from .outline import Outline
-from .pictures import Pictures
+from .pictures import Pictures, surface_points
 from .start import first_lights, towards_known
 
 Array = NDArray[np.float64]
@@ -29,6 +29,7 @@ SETTLED = 0.0005  # relative fall of the objective between two weighings that is
 HOPELESS = 3.0  # times the best objective: such a start is given up
 REWEIGHED = 5  # steps between two weighings of the values
 AS_GOOD = 1.1  # times the best objective: such an end is nearly as good
+BROUGHT = 0.4  # reach of the object over the distance that near lights have at first
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Solution:
     joint : Joint
     objectives : tuple of float
         Of every start, the best first.
-    doubtful : list of (L, 3) float64
+    doubtful : list of (L, N) float64
         Lights that are nearly as good: where other starts ended, and where it goes without one of the cues.
     course : tuple of float
         The best one's objective every :data:`REWEIGHED` steps, and at its end.
@@ -67,6 +68,8 @@ class Problem:
     known : Known
     proxy : (P, 3) float64
         Normals of a rough mesh, NaN where not known.
+    near : bool
+        Whether lights stand so near that the object's points see them in other directions.
     together : bool
         Whether all unknowns move at once, or pixels, lights and bases in turn.
     """
@@ -77,11 +80,14 @@ class Problem:
     scatter: float
     known: Known
     proxy: Array
-    together: bool = True
+    near: bool
+    together: bool
 
 
 def solve(problem: Problem) -> Work[Solution]:
     """Find lights and bases from every start, and once more as if all were matt: lobes can lead astray where it is.
+
+    Near lights are tried from the guessed normals, too: their falloff, taken for shape, can lead the start astray.
 
     Raises
     ------
@@ -95,13 +101,19 @@ def solve(problem: Problem) -> Work[Solution]:
         starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
     if not starts:
         raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
-    attempts = [(lights, known) for lights in starts]
+    attempts: list[tuple[Array, Known, Array | None]] = [(lights, known, None) for lights in starts]
+    if problem.near:
+        attempts += [(lights, known, guess) for lights in starts]
     if "highlights" in known.cues:
-        attempts.append((starts[0], known.without("highlights")))
+        attempts.append((starts[0], known.without("highlights"), None))
     total = (len(attempts) + len(known.cues)) * sum(MOST) * REWEIGHED
     ends: list[tuple[list[float], Joint]] = []
-    for number, (lights, believed) in enumerate(attempts):
+    for number, (lights, believed, normals) in enumerate(attempts):
         joint = yield from _begun(problem, lights, believed)
+        joint.normals = joint.normals if normals is None else normals.copy()
+        if problem.near:
+            joint.place(surface_points(pictures, joint.normals))
+            joint.lights = np.hstack([lights, np.full((len(lights), 1), BROUGHT / joint.reach)])
         best = min((course[-1] for course, _ in ends), default=np.inf)
         descent = _descend(joint, problem, (0, 1), best)
         course = yield from _counted(descent, number * sum(MOST) * REWEIGHED, total)
@@ -124,13 +136,16 @@ def _counted(work: Work[list[float]], before: int, total: int) -> Work[list[floa
 def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: float = np.inf) -> Work[list[float]]:
     """Minimise from where the state is until it settles, and return the objective every few steps.
 
-    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. A descent that is far above the best
+    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. Under near lights the surface is where
+    normals put it at each weighing. A descent that is far above the best
     objective known so far, when it has settled once, is given up. The state is weighed in the end.
     """
     pictures, course, done = problem.pictures, list[float](), 0
     for phase in phases:
         before = len(course)
         while len(course) < before + MOST[phase] and not _settled(course[before:]):
+            if joint.near:
+                joint.place(surface_points(pictures, joint.normals))
             joint.weigh()
             if phase:
                 joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)

@@ -1,0 +1,74 @@
+"""How sure the lights are, and what the photographs leave open, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .joint import Joint
+from .lamps import directions
+from .solve import Solution
+
+Array = NDArray[np.float64]
+
+FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
+MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
+GUESSED, SAID_EQUAL = 5.0, 0.1  # deviation [degrees] where guesses decide the relief; scatter of strengths that fix it
+UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
+
+
+def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
+    """Return the standard deviation of every light by the curvature and by what is nearly as good.
+
+    Parameters
+    ----------
+    solution : Solution
+    covariance : (L, N, L, N) float64
+        Of its lights.
+
+    Returns
+    -------
+    direction : (L,) float64
+        [degrees].
+    distance : (L,) float64
+        As a share of it; infinite of distant lights.
+    """
+    best = solution.joint
+    strength, direction = np.linalg.norm(best.vectors, axis=1), directions(best.lights)
+    squares, distance = np.empty((2, len(strength)))
+    for k, d in enumerate(direction):
+        across = np.eye(3) - np.outer(d, d)
+        squares[k] = np.trace(across @ covariance[k, :3, k, :3] @ across) / strength[k] ** 2
+        distance[k] = covariance[k, 3, k, 3] / best.lights[k, 3] ** 2 if best.near else np.inf
+    for lights in solution.doubtful:
+        squares += np.linalg.norm(np.cross(direction, directions(lights)), axis=1) ** 2
+        if best.near:
+            distance += np.log(lights[:, 3] / best.lights[:, 3]) ** 2
+    guessed = not best.near and best.scatter > SAID_EQUAL and not len(best.known.lights)
+    if guessed and (best.gloss() < MATT or _nearly_flat(direction)):
+        squares += np.radians(GUESSED) ** 2
+    return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
+
+
+def _nearly_flat(direction: Array) -> bool:
+    """Return whether lights lie nearly in one plane or one small cone."""
+    spread = np.linalg.svd(direction, compute_uv=False)
+    return bool(spread[2] < FLAT * spread[0])
+
+
+def doubts(joint: Joint, deviation: Array) -> tuple[str, ...]:
+    """Return in words what the photographs leave open."""
+    words = []
+    if _nearly_flat(directions(joint.lights)):
+        words.append(
+            "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
+        )
+    if joint.gloss() < MATT:
+        words.append("there are no highlights; how high the relief is rests on outline and strengths alone")
+    if not joint.outline.rim.any():
+        words.append(
+            "the object's outline is not in the picture; how high the relief is rests on strengths and highlights"
+        )
+    if deviation.mean() > UNSURE:
+        words.append(f"the lights are known to {deviation.mean():.1f} degrees only")
+    return tuple(words)
