@@ -13,7 +13,7 @@ import typer
 
 from ..core import images
 from ..core.capture import Capture, with_lights
-from ..core.compare.shapes import light_errors_deg, shape_errors
+from ..core.compare.shapes import light_errors, shape_errors
 from ..core.errors import LightsphereError
 from ..core.lights import Lights
 from ..core.shape import Shape
@@ -98,8 +98,8 @@ def shape(
             )
         truth = opened.truth()
         errors: dict[str, Any] = shape_errors(found, truth, opened.mask()) if truth is not None else {}
-        if lights is not None and opened.lights.kind == "distant":
-            errors["light_mae_deg"] = float(light_errors_deg(lights, opened.lights).mean())
+        if lights is not None:
+            errors.update(light_errors(lights, opened.lights, found, truth))
         found.notes["errors"] = errors
         found.save(output)
         if reflectance is not None:

@@ -34,8 +34,9 @@ class Results:
 
 def report(r: Results) -> str:
     """Return the page."""
+    near = r.capture.lights.kind == "near"
     lights = zip(r.capture.lights.position, r.capture.lights.intensity, strict=True)
-    pictures = [picture(r.shape, r.reflectance, direction, irradiance) for direction, irradiance in lights]
+    pictures = [picture(r.shape, r.reflectance, place, intensity, near) for place, intensity in lights]
     mask = r.capture.mask() & (r.shape.confidence > 0)
     errors = [relative_rmse(pictures[k], r.capture.image(k), mask) for k in range(len(pictures))]
     parts = [_head(r, errors), _doubts(r), _photographs(r, pictures, errors), _lights(r, errors), _surface(r)]
@@ -117,17 +118,17 @@ def _lights(r: Results, errors: list[float]) -> str:
         axes.annotate(f"{number + 1}", at, textcoords="offset points", xytext=(5, 4), fontsize=8, color=style.INK)
     axes.set_aspect("equal")
     axes.set_axis_off()
-    rows = [
-        [
-            f"{number + 1}",
-            f"{angle:.1f}°",
-            f"{one['strength']:.3f}",
-            f"{one['deviation_deg']:.1f}°",
-            f"{100 * error:.2g} %",
-        ]
-        for number, (one, angle, error) in enumerate(zip(notes, away, errors, strict=True))
-    ]
-    heads = ("photograph", "from the view", "strength", "uncertainty", "rendered against it")
+    columns = {
+        "photograph": [f"{number + 1}" for number in range(len(notes))],
+        "from the view": [f"{angle:.1f}°" for angle in away],
+        "uncertainty": [f"{one['deviation_deg']:.1f}°" for one in notes],
+    }
+    if "distance" in notes[0]:
+        said = [f"{one['distance']:.3g} m ± {one['distance_deviation_pct']:.1f} %" for one in notes]
+        columns["from the object's middle"] = said
+    columns["strength"] = [f"{one['strength']:.3f}" for one in notes]
+    columns["rendered against it"] = [f"{100 * error:.2g} %" for error in errors]
+    heads, rows = tuple(columns), [list(row) for row in zip(*columns.values(), strict=True)]
     words = "Directions as the camera sees them, the view in the middle; the disk about each is its uncertainty."
     return html.section(
         "The lights", html.figure(style.plot_png(figure), "", words), html.table(heads, rows, range(len(heads)))

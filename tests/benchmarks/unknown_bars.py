@@ -26,9 +26,10 @@ from pipeline.core.capture import Capture
 from pipeline.core.compare.pictures import relative_rmse
 from pipeline.core.reflectance.bivariate import Bivariate
 from pipeline.core.reflectance.picture import picture
-from pipeline.core.shape import Shape
+from pipeline.core.shape import Shape, level
 
 BARS = {(50, False): (2.5, 6.0), (20, True): (1.0, 5.0), (20, False): (4.0, 8.0)}
+NEAR = ((50, False), (20, True))  # fields of view and whether powers are equal, of lamps at arm's length
 PICTURE = 0.10  # relative RMSE under a light not in the set
 MEASURED = {"ballPNG": 7.0, "catPNG": 10.0}  # mean angle of the normals [degrees]
 REAL, LEFT_OUT, PREDICTED = ("frog1", "panther", "apple"), 3, 0.12  # sets, photograph, relative RMSE
@@ -47,6 +48,10 @@ def main() -> None:
             for body in ("gourd", "bunny"):
                 for lights in (1, 2):
                     rendered(cache, Case(body, view, equal, lights))
+        for view, equal in NEAR:
+            for body in ("gourd", "bunny"):
+                for lights in (1, 2):
+                    rendered(cache, Case(body, view, equal, lights, near=True))
         if chosen.data:
             for name in MEASURED:
                 for every in (1, 8):
@@ -62,21 +67,22 @@ def rendered(cache: Path, case: Case) -> None:
     if not (folder / "capture.json").is_file():
         captures.without(whole, np.arange(COUNT, len(whole)), folder)
     out = cache / f"{case.name}-shape"
-    found = recovered(folder, out, "equal" if case.equal else "similar")
+    found = recovered(folder, out, "equal" if case.equal else "similar", "near" if case.near else "distant")
     light, normal = BARS[case.view, case.equal]
     error = max(new_light(whole, out, number) for number in range(COUNT, len(whole)))
+    far = "".join(f" {name} {found[name]:.2f}" for name in ("light_distance_pct", "light_power_pct") if name in found)
     print(
         f"{case.name:32} {found['light_mae_deg']:5.2f} ({light:3.1f}) {found['light_deviation_deg']:7.2f} "
         f"{found['normal_mae_deg']:7.2f} ({normal:3.1f}) {found['normal_median_deg']:7.2f} "
-        f"{error:10.3f} ({PICTURE:.2f}) {found['seconds']:8.1f}",
+        f"{error:10.3f} ({PICTURE:.2f}) {found['seconds']:8.1f}{far}",
         flush=True,
     )
 
 
-def recovered(capture: Path, out: Path, strengths: str) -> dict[str, Any]:
+def recovered(capture: Path, out: Path, strengths: str, lamps: str) -> dict[str, Any]:
     """Return the figures of the command."""
     figures = out.with_suffix(".json")
-    options = ("--method", "uncalibrated", "--strengths", strengths, "--json", figures)
+    options = ("--method", "uncalibrated", "--strengths", strengths, "--lamps", lamps, "--json", figures)
     captures.command("shape", capture, "-o", out, *options)
     values: dict[str, Any] = json.loads(figures.read_text(encoding="utf-8"))
     return values
@@ -85,14 +91,20 @@ def recovered(capture: Path, out: Path, strengths: str) -> dict[str, Any]:
 def new_light(whole: Capture, out: Path, number: int) -> float:
     """Return the relative RMSE of the picture under a light that was not given.
 
-    Its direction is turned into the recovered frame as the given lights' directions are, and one number of brightness
-    is fitted; cast shadows are not foreseen.
+    It is turned into the recovered frame as the given lights are, a near one in the place to which its true one would
+    be moved with them, and one number of brightness is fitted; cast shadows are not foreseen.
     """
     shape, reflectance, given = Shape.open(out), Bivariate.open(out / "reflectance"), Capture.open(out / "capture")
-    left, _, right = np.linalg.svd(whole.lights.position[:COUNT].T @ given.lights.position)
-    light = whole.lights.position[number] @ left @ right
-    made, true = picture(shape, reflectance, light, np.ones(3)).astype(np.float64), whole.image(number)
-    return relative_rmse(made * (made * true).sum() / (made**2).sum(), true, whole.mask() & (shape.confidence > 0))
+    near, truth = whole.lights.kind == "near", whole.truth()
+    assert truth is not None
+    lights = level.lights_at(shape.camera, whole.lights, level.change(shape.camera, truth.depth, shape.depth))
+    middle = np.nanmean(shape.points().reshape(-1, 3), axis=0) if near else np.zeros(3)
+    true, found = lights.position - middle, given.lights.position - middle
+    left, _, right = np.linalg.svd(true[:COUNT].T @ found)
+    place = true[number] @ left @ right + middle
+    made = picture(shape, reflectance, place, np.ones(3), near).astype(np.float64)
+    seen = whole.image(number)
+    return relative_rmse(made * (made * seen).sum() / (made**2).sum(), seen, whole.mask() & (shape.confidence > 0))
 
 
 def measured(cache: Path, photographs: Path, every: int) -> None:
@@ -105,7 +117,7 @@ def measured(cache: Path, photographs: Path, every: int) -> None:
     if not (folder / "capture.json").is_file():
         row = np.arange(len(whole) // every)
         captures.without(whole, np.setdiff1d(np.arange(len(whole)), every * row + 3 * row % every), folder)
-    found = recovered(folder, cache / f"{folder.name}-shape", "similar")
+    found = recovered(folder, cache / f"{folder.name}-shape", "similar", "distant")
     print(
         f"{photographs.name} {len(Capture.open(folder)):3} photographs: lights {found['light_mae_deg']:.2f}, normals "
         f"{found['normal_mae_deg']:.2f} ({MEASURED[photographs.name]:g}) degrees, {found['seconds']:.0f} s",
@@ -125,7 +137,7 @@ def predicted(cache: Path, photographs: Path) -> None:
     whole, part = Capture.open(folder), cache / f"{photographs.name}-given"
     if not (part / "capture.json").is_file():
         captures.without(whole, np.array([LEFT_OUT]), part)
-    found = recovered(part, out, "similar")
+    found = recovered(part, out, "similar", "distant")
     shape, reflectance, given = Shape.open(out), Bivariate.open(out / "reflectance"), Capture.open(out / "capture")
     true, known = whole.image(LEFT_OUT).astype(np.float64), whole.mask() & (shape.confidence > 0)
 

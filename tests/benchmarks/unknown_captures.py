@@ -23,23 +23,28 @@ from pipeline.core.progress import finish
 COUNT, TESTED = 12, 4  # photographs that are given, and those of other lights
 CONE = math.radians(60)  # half angle about the view in which the lamp is held
 UNEVEN = 0.2  # strengths differ by so much either way
+NEAR = (1.2, 2.5)  # least and most distance of a near lamp, in diameters of the body
 NOISE = 0.005  # of the brightest value but the highlights'
 SIZE = 128
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One set of photographs: body, field of view [degrees], whether all lights are as strong, number of the set."""
+    """One set of photographs: body, field of view [degrees], whether all lights are as strong, number of the set.
+
+    Near lights are as strong as each other in power.
+    """
 
     body: str
     view: int
     equal: bool
     lights: int
+    near: bool = False
 
     @property
     def name(self) -> str:
         strengths = "equal" if self.equal else "unequal"
-        return f"unknown-{self.body}-{self.view}-{strengths}-{self.lights}"
+        return f"unknown-{self.body}-{self.view}-{strengths}-{self.lights}" + ("-near" if self.near else "")
 
 
 def directions(seed: int) -> NDArray[np.float64]:
@@ -67,6 +72,7 @@ def _render(folder: Path, case: Case) -> None:
 
     from pipeline.blender import capture, scene
     from pipeline.blender.camera import camera_of
+    from scenes import gourd
 
     loaded = scene.load("gourd")
     if case.body == "bunny":
@@ -81,6 +87,8 @@ def _render(folder: Path, case: Case) -> None:
     random = np.random.default_rng(100 + case.lights)
     strength = np.ones(COUNT + TESTED) if case.equal else 1 + UNEVEN * random.uniform(-1, 1, COUNT + TESTED)
     there = directions(case.lights) @ model.to_world[:3, :3].T
+    if case.near:
+        there *= gourd.DIAMETER * random.uniform(*NEAR, (len(there), 1))
     folder.mkdir(parents=True, exist_ok=True)
     listed = [f"{len(there)}"] + [f"light_{i:04d}.exr {x:.9f} {y:.9f} {z:.9f}" for i, (x, y, z) in enumerate(there)]
     (folder / "lights.lp").write_text("\n".join(listed) + "\n")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Truth
 from ..errors import LightsphereError
 from ..lights import Lights
-from ..shape import Shape
+from ..shape import Shape, level
 
 
 def depth_error_pct(shape: Shape, truth: Truth) -> NDArray[np.float64]:
@@ -108,6 +110,50 @@ def shape_errors(shape: Shape, truth: Truth, mask: NDArray[np.bool_]) -> dict[st
 
 def _percentile(values: NDArray[np.float64], percent: float) -> float:
     return float(np.percentile(values, percent)) if len(values) else np.nan
+
+
+def light_errors(found: Lights, true: Lights, shape: Shape, truth: Truth | None) -> dict[str, float]:
+    """State how far recovered lights are from the true ones.
+
+    Parameters
+    ----------
+    found, true : Lights
+        Distant or near.
+    shape : Shape
+        The surface that was found with the lights.
+    truth : Truth or None
+        Near lights are moved with the surface to its level (:mod:`pipeline.core.shape.level`) first.
+
+    Returns
+    -------
+    dict of str to float
+        ``light_mae_deg``, the mean angle between directions from the object's centre [degrees]; of near lights also
+        ``light_distance_pct``, the median error of distances from there, and ``light_power_pct``, the scatter of the
+        powers' ratios [%]. Empty where true lights are unknown, or near without a true depth.
+    """
+    if true.kind == "unknown":
+        return {}
+    if truth is not None and np.isfinite(truth.depth).any():
+        found = level.lights_at(shape.camera, found, level.change(shape.camera, shape.depth, truth.depth))
+        shape = dataclasses.replace(shape, depth=truth.depth)
+    elif true.kind == "near":
+        return {}
+    points = shape.points()
+    here, there = (_from_the_middle(lights, points) for lights in (found, true))
+    errors = {"light_mae_deg": float(angles_deg(here, there).mean())}
+    if found.kind == "near" and true.kind == "near":
+        apart = np.linalg.norm(here, axis=1) / np.linalg.norm(there, axis=1) - 1.0
+        ratio = found.intensity.mean(axis=1) / true.intensity.mean(axis=1)
+        errors |= {
+            "light_distance_pct": 100.0 * float(np.median(np.abs(apart))),
+            "light_power_pct": 100.0 * float(np.std(np.log(ratio))),
+        }
+    return errors
+
+
+def _from_the_middle(lights: Lights, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    middle = np.nanmean(points.reshape(-1, 3), axis=0)
+    return lights.position - middle if lights.kind == "near" else lights.position
 
 
 def light_errors_deg(found: Lights, true: Lights) -> NDArray[np.float64]:

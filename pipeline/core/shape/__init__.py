@@ -19,6 +19,7 @@ from scipy.ndimage import distance_transform_edt
 from .. import images
 from ..camera import Camera
 from ..errors import BROKEN_JSON, LightsphereError
+from . import level
 
 FILE = "shape.json"
 
@@ -60,11 +61,7 @@ class Shape:
 
         It stays where no pixel has both. Normals alone leave this open (``notes["level"]`` is ``"open"``).
         """
-        own = self.depth.astype(np.float64)
-        if not np.isfinite(own * depth).any():
-            return self
-        pinhole = self.camera.model == "pinhole"
-        moved = own * np.nanmedian(depth / own) if pinhole else own + np.nanmedian(depth - own)
+        moved = level.depth_at(self.camera, self.depth, level.change(self.camera, self.depth, depth))
         return dataclasses.replace(self, depth=moved.astype(np.float32))
 
     def within(self, pixels: NDArray[np.bool_]) -> Shape:

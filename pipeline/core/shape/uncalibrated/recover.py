@@ -21,7 +21,7 @@ from ...errors import LightsphereError
 from ...lights import SURFACES, Lights
 from ...progress import Work
 from ...reflectance.bivariate import Bivariate
-from .. import Shape
+from .. import Shape, level
 from ..photometric.bases import gather
 from ..photometric.recover import USUAL_DEVIATION, surface
 from ..photometric.sight import Sight, see
@@ -81,11 +81,11 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
         raise LightsphereError(f"{capture.folder}: {int(mask.sum())} pixels show the object; correct the mask")
     told = known(capture, settings.cues, settings.known_lights, proxy)
     sight = yield from see(_hidden(capture), mask)
-    level = float(np.quantile(sight.values, 0.9))
-    if not level > 0:
+    unit = float(np.quantile(sight.values, 0.9))
+    if not unit > 0:
         raise LightsphereError(f"{capture.folder}: the object is black in nearly all photographs; look at them")
     colours = _light_colours(sight)
-    everything = pictures_of(capture.camera, mask, sight, level * colours)
+    everything = pictures_of(capture.camera, mask, sight, unit * colours)
     scales = _scales(everything)
     coarse = scales[0].pictures
     problem = Problem(
@@ -102,8 +102,8 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     joint = solution.joint
     fitted = yield from every_pixel(scales, joint)
     normals, weights = fitted.normals, fitted.weights
-    bright = float(np.quantile(everything.usual, BRIGHT)) * level / BRIGHT_ALBEDO
-    scaled = joint.coefficients * level / (np.pi * bright)
+    bright = float(np.quantile(everything.usual, BRIGHT)) * unit / BRIGHT_ALBEDO
+    scaled = joint.coefficients * unit / (np.pi * bright)
     covariance, conditioned = joint.light_covariance()
     unsure = deviations(solution, covariance)
     left_open = doubts(joint, unsure[0])
@@ -140,19 +140,15 @@ def _in_the_world(joint: Joint, rays: Array, offsets: Array, shape: Shape, unit:
     unit : (L, 3) float64
         Irradiance that a strength of one stands for [W/m^2].
     """
-    to_world, strength = shape.camera.to_world[:3, :3], np.linalg.norm(joint.vectors, axis=1, keepdims=True)
-    surfaces = np.full(len(strength), SURFACES.index(""))
+    camera, strength = shape.camera, np.linalg.norm(joint.vectors, axis=1, keepdims=True)
+    to_world, surfaces = camera.to_world[:3, :3], np.full(len(strength), SURFACES.index(""))
     if not joint.near:
         return Lights("distant", directions(joint.lights) @ to_world.T, strength * unit, surfaces)
+    place = (joint.centre + places(joint.lights)) @ to_world.T + camera.to_world[:3, 3]
+    there = Lights("near", place, strength / joint.lights[:, 3:] ** 2 * unit, surfaces)
     then = ((joint.centre + offsets - rays[:, :3]) * rays[:, 3:]).sum(axis=1)
-    now = shape.depth[np.isfinite(shape.normal).all(axis=-1)].astype(np.float64)
-    away, place = np.linalg.norm(places(joint.lights), axis=1, keepdims=True), joint.centre + places(joint.lights)
-    if shape.camera.model == "pinhole":
-        grown = float(np.nanmedian(now / then))
-        away, place = grown * away, grown * place
-    else:
-        place = place - [0.0, 0.0, float(np.nanmedian(now - then))]
-    return Lights("near", place @ to_world.T + shape.camera.to_world[:3, 3], strength * away**2 * unit, surfaces)
+    now = shape.depth[np.isfinite(shape.normal).all(axis=-1)]
+    return level.lights_at(camera, there, level.change(camera, then, now))
 
 
 def _described(lights: Lights, shape: Shape, unsure: tuple[Array, Array]) -> list[dict[str, Any]]:

@@ -87,7 +87,7 @@ class Problem:
 def solve(problem: Problem) -> Work[Solution]:
     """Find lights and bases from every start, and once more as if all were matt: lobes can lead astray where it is.
 
-    Near lights are tried from the guessed normals, too: their falloff, taken for shape, can lead the start astray.
+    Near lights are tried from the guessed normals, too: falloff that is taken for shape can lead the start astray.
 
     Raises
     ------
