@@ -119,6 +119,8 @@ EIGHT_BITS = 0.5 / 255 + 1e-4
 UNKNOWN_LIGHTS = 2.5
 UNKNOWN_NORMALS = 3.0
 UNKNOWN_STRENGTHS = 0.03
+# Median error of near lamps' distances [%]: what falloff tells of them where pixels are few and noisy.
+UNKNOWN_DISTANCES = 3.0
 # The photographs given back by lights, normals and tables, relative RMS: a table is a mean over azimuths, and at the
 # rim a lobe falls steeply.
 UNKNOWN_PICTURE = 0.08

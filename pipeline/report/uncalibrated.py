@@ -125,7 +125,7 @@ def _lights(r: Results, errors: list[float]) -> str:
     }
     if "distance" in notes[0]:
         said = [f"{one['distance']:.3g} m ± {one['distance_deviation_pct']:.1f} %" for one in notes]
-        columns["from the object's middle"] = said
+        columns["from the object"] = said
     columns["strength"] = [f"{one['strength']:.3f}" for one in notes]
     columns["rendered against it"] = [f"{100 * error:.2g} %" for error in errors]
     heads, rows = tuple(columns), [list(row) for row in zip(*columns.values(), strict=True)]

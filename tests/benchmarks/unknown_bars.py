@@ -91,8 +91,8 @@ def recovered(capture: Path, out: Path, strengths: str, lamps: str) -> dict[str,
 def new_light(whole: Capture, out: Path, number: int) -> float:
     """Return the relative RMSE of the picture under a light that was not given.
 
-    It is turned into the recovered frame as the given lights are, a near one in the place to which its true one would
-    be moved with them, and one number of brightness is fitted; cast shadows are not foreseen.
+    It is turned into the recovered frame as the given lights are, near ones with their distances, and one number of
+    brightness is fitted; cast shadows are not foreseen.
     """
     shape, reflectance, given = Shape.open(out), Bivariate.open(out / "reflectance"), Capture.open(out / "capture")
     near, truth = whole.lights.kind == "near", whole.truth()
@@ -100,8 +100,9 @@ def new_light(whole: Capture, out: Path, number: int) -> float:
     lights = level.lights_at(shape.camera, whole.lights, level.change(shape.camera, truth.depth, shape.depth))
     middle = np.nanmean(shape.points().reshape(-1, 3), axis=0) if near else np.zeros(3)
     true, found = lights.position - middle, given.lights.position - middle
-    left, _, right = np.linalg.svd(true[:COUNT].T @ found)
-    place = true[number] @ left @ right + middle
+    left, size, right = np.linalg.svd(true[:COUNT].T @ found)
+    grown = size.sum() / (true[:COUNT] ** 2).sum() if near else 1.0
+    place = grown * true[number] @ left @ right + middle
     made = picture(shape, reflectance, place, np.ones(3), near).astype(np.float64)
     seen = whole.image(number)
     return relative_rmse(made * (made * seen).sum() / (made**2).sum(), seen, whole.mask() & (shape.confidence > 0))

@@ -11,14 +11,16 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.core.camera import Camera
+from pipeline.core.capture import Truth
 from pipeline.core.compare.pictures import relative_rmse
-from pipeline.core.compare.shapes import light_errors_deg
+from pipeline.core.compare.shapes import light_errors, light_errors_deg
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
 from pipeline.core.reflectance.picture import picture
 from pipeline.core.shape.settings import ShapeSettings
 from pipeline.core.shape.uncalibrated import equations, integrability, lobes
+from pipeline.core.shape.uncalibrated import lamps as lamps_
 from pipeline.core.shape.uncalibrated.outline import outline
 from pipeline.core.shape.uncalibrated.recover import Recovered, recover
 from pipeline.core.shape.uncalibrated.start import equally_strong, mean_strength_one, towards_known
@@ -46,6 +48,14 @@ def view(degrees: float, size: int = 56) -> Camera:
     return synthetic.camera(size, distance=float(distance))
 
 
+def near_lamps(seed: int = 1, powers: float = 0.0) -> Lights:
+    """A lamp at one to two and a half diameters of the ball, its power differing."""
+    random = np.random.default_rng(seed)
+    away = random.uniform(1.8, 4.0, (COUNT, 1))
+    power = np.pi * (away**2).mean() * (1 + powers * random.uniform(-1, 1, (COUNT, 1)))
+    return Lights("near", away * lamps().position, np.repeat(power, 3, axis=1), np.full(COUNT, 2))
+
+
 def photographed(camera: Camera, lights: Lights, gloss: float = 0.25, noise: float = 0.002, seed: int = 3) -> Drawn:
     """A dented ball of two materials, matt brown and glossy green, drawn without cast shadows."""
     random = np.random.default_rng(seed)
@@ -53,17 +63,19 @@ def photographed(camera: Camera, lights: Lights, gloss: float = 0.25, noise: flo
     known = ball.confidence > 0
     normal = camera.normals_to_world(np.nan_to_num(ball.normal))
     share = (0.5 + 0.5 * np.sin(5 * normal[..., 0] + 3 * normal[..., 1]))[..., None]
-    to_viewer = -camera.rays()[1]
+    to_viewer, points = -camera.rays()[1], np.nan_to_num(ball.points())
     pictures = np.zeros((COUNT, *known.shape, 3), np.float32)
     for k in range(COUNT):
-        wi = np.broadcast_to(lights.position[k], normal.shape)
+        near = lights.kind == "near"
+        towards = lights.position[k] - points if near else np.broadcast_to(lights.position[k], normal.shape)
+        wi, squared = oracles.unit(towards), (towards**2).sum(axis=-1, keepdims=True)
         matt = oracles.lambert_cosine(normal, wi, 1.0)[..., None]
         glossy = oracles.ggx_cosine(normal, wi, to_viewer, 0.5)[..., None]
         seen = share * np.array([0.7, 0.4, 0.2]) * matt + (1 - share) * (
             np.array([0.1, 0.3, 0.1]) * matt + gloss * glossy
         )
         lit = known & (oracles.dot(normal, wi) > 0)
-        pictures[k] = np.where(lit[..., None], seen, 0) * lights.intensity[k]
+        pictures[k] = np.where(lit[..., None], seen, 0) * lights.intensity[k] / squared
         pictures[k] += noise * random.standard_normal(pictures[k].shape)
     names = tuple(f"{k}.exr" for k in range(COUNT))
     notes = {"diameter": 1.6}
@@ -172,6 +184,67 @@ def test_whatever_is_known_helps(tmp_path: Path) -> None:
     assert seen.shape.notes["level"] != "open"
 
 
+def errors_of(found: Recovered, lights: Lights, camera: Camera) -> dict[str, float]:
+    ball = synthetic.ball(camera)
+    return light_errors(
+        found.lights, lights, found.shape, Truth(ball.depth, ball.normal, ball.normal, np.ones((1, 1)), 1.6)
+    )
+
+
+def test_places_and_powers_of_near_lamps_come_back() -> None:
+    """Falloff tells where a lamp is; taken for distant, the same lamps come out wrong, and the ball with them."""
+    camera, lights = view(40, 32), near_lamps()
+    capture = photographed(camera, lights)
+    near, far = solved(capture, lamps="near"), solved(capture)
+    found, wrong = errors_of(near, lights, camera), errors_of(far, lights, camera)
+    assert found["light_mae_deg"] < tolerances.UNKNOWN_LIGHTS < 0.5 * wrong["light_mae_deg"]
+    assert found["light_distance_pct"] < tolerances.UNKNOWN_DISTANCES
+    assert found["light_power_pct"] < 100 * tolerances.UNKNOWN_STRENGTHS
+    assert normal_error(near, camera) < tolerances.UNKNOWN_NORMALS < normal_error(far, camera)
+    one = near.shape.notes["lights"][3]
+    there = near.lights.position[3] - np.nanmean(near.shape.points().reshape(-1, 3), axis=0)
+    np.testing.assert_allclose(np.multiply(one["direction"], one["distance"]), there, rtol=1e-6)
+    known = capture.mask() & np.isfinite(near.shape.normal).all(axis=-1)
+    shown = picture(near.shape, near.reflectance, near.lights.position[3], near.lights.intensity[3], near=True)
+    assert relative_rmse(shown, capture.image(3), known) < tolerances.UNKNOWN_PICTURE
+    page = report(Results(dataclasses.replace(capture, lights=near.lights), near.shape, near.reflectance, 1.0))
+    assert "from the object" in page and f"{one['distance']:.3g} m" in page
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("degrees", "powers", "gloss"), [(20, 0.2, 0.25), (40, 0.2, 0.0), (50, 0.0, 0.25)], ids=["far", "matt", "wide"]
+)
+def test_near_lamps_tell_the_relief(degrees: float, powers: float, gloss: float) -> None:
+    """Even of a matt ball seen from afar, whose relief distant lamps leave open."""
+    camera, lights = view(degrees), near_lamps(2, powers)
+    found = solved(photographed(camera, lights, gloss), lamps="near")
+    errors = errors_of(found, lights, camera)
+    assert errors["light_mae_deg"] < tolerances.UNKNOWN_LIGHTS
+    assert errors["light_distance_pct"] < tolerances.UNKNOWN_DISTANCES
+    assert normal_error(found, camera) < tolerances.UNKNOWN_NORMALS
+
+
+@pytest.mark.slow
+def test_distant_lamps_taken_for_near_are_found_far_away() -> None:
+    found = solved(photographed(view(40), lamps()), lamps="near")
+    assert errors_of(found, lamps(), view(40))["light_mae_deg"] < tolerances.UNKNOWN_LIGHTS
+    assert min(one["distance"] for one in found.shape.notes["lights"]) > 50
+
+
+@pytest.mark.slow
+def test_a_proxy_gives_near_lamps_their_scale() -> None:
+    """Normals leave the size open, and the lamps' distances with it; the mesh of a half says both."""
+    camera, lights = view(40), near_lamps()
+    moved = dataclasses.replace(camera, to_world=np.diag([1.0, 1.0, 1.3, 1.0]) @ camera.to_world)
+    capture = dataclasses.replace(photographed(camera, lights), camera=moved)
+    ball = synthetic.ball(camera).within(np.indices((56, 56))[1] < 28)
+    found = finish(recover(capture, ShapeSettings(method="uncalibrated", lamps="near"), ball))
+    away = np.linalg.norm(found.lights.position - moved.to_world[:3, 3], axis=1)
+    true = np.linalg.norm(lights.position - camera.to_world[:3, 3], axis=1)
+    assert np.median(np.abs(away / true - 1)) < tolerances.UNKNOWN_DISTANCES / 100
+
+
 @pytest.mark.slow
 def test_without_its_cues_the_relief_is_open() -> None:
     capture = photographed(view(20), lamps(), gloss=0.0)
@@ -264,6 +337,34 @@ def test_derivatives_are_those_of_the_values() -> None:
         np.testing.assert_allclose(by_light[i], (ahead - behind) / (2 * step), rtol=tolerances.JACOBIAN)
     np.testing.assert_allclose(by_weight.T @ weights, value, rtol=1e-12)
     np.testing.assert_allclose(np.einsum("k,j,kjc->c", weights, by_lobe, coefficients), value, rtol=1e-12)
+
+
+def test_a_near_light_falls_off_with_its_distance_squared() -> None:
+    """Against a point at d / q of the intensity |m| / q^2; its derivatives against differences; q = 0 is distant."""
+    light, offset = np.array([0.5, -0.3, 0.9, 0.35]), np.array([0.4, 0.5, -0.2])
+    strength = np.linalg.norm(light[:3])
+    towards = light[:3] / strength / light[3] - offset
+    here, slopes = np.empty(3), np.empty((4, 3))
+    lamps_.arriving(light, offset, here, slopes)
+    irradiance = strength / light[3] ** 2 / (towards**2).sum()
+    np.testing.assert_allclose(here, irradiance * oracles.unit(towards), rtol=1e-12)
+    step = 1e-6
+    for i in range(4):
+        ahead, behind, unused = np.empty(3), np.empty(3), np.empty((4, 3))
+        lamps_.arriving(light + step * np.eye(4)[i], offset, ahead, unused)
+        lamps_.arriving(light - step * np.eye(4)[i], offset, behind, unused)
+        np.testing.assert_allclose(slopes[i], (ahead - behind) / (2 * step), rtol=tolerances.JACOBIAN, atol=1e-9)
+    lamps_.arriving(np.append(light[:3], 0.0), offset, here, slopes)
+    np.testing.assert_allclose(here, light[:3], rtol=1e-12)
+
+
+def test_near_lights_stay_outside() -> None:
+    offsets = 0.8 * oracles.unit(np.random.default_rng(0).standard_normal((200, 3)))
+    lights = np.hstack([lamps().position, np.linspace(-1.0, 9.0, COUNT)[:, None]])
+    held = lamps_.places(lamps_.held_apart(lights, offsets))
+    assert np.linalg.norm(held, axis=1).min() > 0.9 and np.linalg.norm(held, axis=1).max() < 1000
+    untouched = np.hstack([lamps().position, np.full((COUNT, 1), 0.4)])
+    np.testing.assert_array_equal(lamps_.held_apart(untouched, offsets), untouched)
 
 
 def test_lobes_are_those_of_ggx() -> None:

@@ -29,7 +29,7 @@ SETTLED = 0.0005  # relative fall of the objective between two weighings that is
 HOPELESS = 3.0  # times the best objective: such a start is given up
 REWEIGHED = 5  # steps between two weighings of the values
 AS_GOOD = 1.1  # times the best objective: such an end is nearly as good
-BROUGHT = 0.4  # reach of the object over the distance that near lights have at first
+BROUGHT = (0.4, 0.15)  # reach of the object over the distance that near lights have at first
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,28 @@ class Problem:
     together: bool
 
 
+@dataclass(frozen=True)
+class Attempt:
+    """Where a descent begins.
+
+    Parameters
+    ----------
+    lights : (L, 3) float64
+    known : Known
+    normals : (P, 3) float64, optional
+        Left out where each pixel's own fit under these lights tells them.
+    away : float
+        Reach of the object over the lights' distance; 0 for distant lights.
+    """
+
+    lights: Array
+    known: Known
+    normals: Array | None = None
+    away: float = 0.0
+
+
 def solve(problem: Problem) -> Work[Solution]:
     """Find lights and bases from every start, and once more as if all were matt: lobes can lead astray where it is.
-
-    Near lights are tried from the guessed normals, too: falloff that is taken for shape can lead the start astray.
 
     Raises
     ------
@@ -101,19 +119,11 @@ def solve(problem: Problem) -> Work[Solution]:
         starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
     if not starts:
         raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
-    attempts: list[tuple[Array, Known, Array | None]] = [(lights, known, None) for lights in starts]
-    if problem.near:
-        attempts += [(lights, known, guess) for lights in starts]
-    if "highlights" in known.cues:
-        attempts.append((starts[0], known.without("highlights"), None))
+    attempts = _attempts(problem, starts, guess)
     total = (len(attempts) + len(known.cues)) * sum(MOST) * REWEIGHED
     ends: list[tuple[list[float], Joint]] = []
-    for number, (lights, believed, normals) in enumerate(attempts):
-        joint = yield from _begun(problem, lights, believed)
-        joint.normals = joint.normals if normals is None else normals.copy()
-        if problem.near:
-            joint.place(surface_points(pictures, joint.normals))
-            joint.lights = np.hstack([lights, np.full((len(lights), 1), BROUGHT / joint.reach)])
+    for number, attempt in enumerate(attempts):
+        joint = yield from _begun(problem, attempt)
         best = min((course[-1] for course, _ in ends), default=np.inf)
         descent = _descend(joint, problem, (0, 1), best)
         course = yield from _counted(descent, number * sum(MOST) * REWEIGHED, total)
@@ -128,6 +138,19 @@ def solve(problem: Problem) -> Work[Solution]:
     return Solution(least, tuple(other[-1] for other, _ in ends), doubtful, tuple(course))
 
 
+def _attempts(problem: Problem, starts: Sequence[Array], guess: Array) -> list[Attempt]:
+    """Return what is tried. Equal strengths at the object are none of near lights, whose falloff looks like shape."""
+    known = problem.known
+    if problem.near:
+        normals = (None, guess)
+        attempts = [Attempt(starts[0], known, start, away) for start in normals for away in BROUGHT]
+    else:
+        attempts = [Attempt(lights, known) for lights in starts]
+    if "highlights" in known.cues:
+        attempts.append(dataclasses.replace(attempts[0], known=known.without("highlights")))
+    return attempts
+
+
 def _counted(work: Work[list[float]], before: int, total: int) -> Work[list[float]]:
     """Return work whose steps count among all."""
     return (yield from retold(work, lambda step: Progress("lights", before + step.done, total, "steps")))
@@ -136,9 +159,9 @@ def _counted(work: Work[list[float]], before: int, total: int) -> Work[list[floa
 def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: float = np.inf) -> Work[list[float]]:
     """Minimise from where the state is until it settles, and return the objective every few steps.
 
-    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. Under near lights the surface is where
-    normals put it at each weighing. A descent that is far above the best
-    objective known so far, when it has settled once, is given up. The state is weighed in the end.
+    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. Under near lights the surface is put
+    where the normals say before every weighing. A descent that is far above the best objective known so far, when it
+    has settled once, is given up. The state is weighed in the end.
     """
     pictures, course, done = problem.pictures, list[float](), 0
     for phase in phases:
@@ -167,9 +190,9 @@ def _settled(course: Sequence[float]) -> bool:
     return len(course) > 2 and min(course[-1] / course[-2], course[-2] / course[-3]) > 1.0 - SETTLED
 
 
-def _begun(problem: Problem, lights: Array, known: Known) -> Work[Joint]:
+def _begun(problem: Problem, attempt: Attempt) -> Work[Joint]:
     """Return the state with each pixel fitted by itself under the first lights, and bases of the pixels alike."""
-    pictures = problem.pictures
+    pictures, lights = problem.pictures, attempt.lights
     strength = np.linalg.norm(lights, axis=1, keepdims=True)
     values = (pictures.values / strength).astype(np.float32)
     views = pictures.views
@@ -183,21 +206,25 @@ def _begun(problem: Problem, lights: Array, known: Known) -> Work[Joint]:
     weights = np.repeat(MIXED * start.albedo[:, None], count, axis=1)
     weights[np.arange(len(owner)), owner] += start.albedo
     coefficients = np.stack([_fitted(pictures, owner == k, start.normals, weights[:, k], lights) for k in range(count)])
-    return Joint(
+    joint = Joint(
         pictures.values,
         pictures.lit,
         pictures.usual,
         pictures.noise,
         views,
         problem.outline,
-        start.normals.copy(),
+        (start.normals if attempt.normals is None else attempt.normals).copy(),
         weights,
         lights,
         coefficients,
         problem.scatter,
-        known,
+        attempt.known,
         problem.proxy,
     )
+    if attempt.away:
+        joint.place(surface_points(pictures, joint.normals))
+        joint.lights = np.hstack([lights, np.full((len(lights), 1), attempt.away / joint.reach)])
+    return joint
 
 
 def _fitted(pictures: Pictures, own: NDArray[np.bool_], normals: Array, weight: Array, lights: Array) -> Array:
