@@ -16,9 +16,7 @@ from tests import drawn, oracles, synthetic
 
 def lamps() -> Lights:
     random = np.random.default_rng(4)
-    position = oracles.unit(random.standard_normal((7, 3)) + np.eye(3)[2] * 2) * random.uniform(
-        1.5, 3.0, (7, 1)
-    )
+    position = oracles.unit(random.standard_normal((7, 3)) + np.eye(3)[2] * 2) * random.uniform(1.5, 3.0, (7, 1))
     return Lights("near", position, random.uniform(2.0, 5.0, (7, 3)), np.full(7, 2))
 
 
