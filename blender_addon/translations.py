@@ -179,6 +179,7 @@ GERMAN = {
     "Start": "Beginn",
     "Rounds": "Runden",
     "Held Out": "Zurückgehalten",
+    "Lamps": "Lampen",
     "Strengths": "Stärken",
     "Cues": "Hinweise",
     "Known Lights": "Bekannte Lichter",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .joint import Joint
 from .lamps import directions
 from .solve import Solution
 
@@ -14,6 +13,8 @@ Array = NDArray[np.float64]
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
 GUESSED, SAID_EQUAL = 5.0, 0.1  # deviation [degrees] where guesses decide the relief; scatter of strengths that fix it
+FALLOFF = 0.3  # deviation of near lights' distances below which their falloff tells how high the relief is
+NEARER = 0.5  # share of the objective that near lights leave of distant ones' below which lamps are taken to be near
 UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
 
 
@@ -44,7 +45,8 @@ def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
         squares += np.linalg.norm(np.cross(direction, directions(lights)), axis=1) ** 2
         if best.near:
             distance += np.log(lights[:, 3] / best.lights[:, 3]) ** 2
-    guessed = not best.near and best.scatter > SAID_EQUAL and not len(best.known.lights)
+    falloff = float(np.median(np.sqrt(distance))) < FALLOFF
+    guessed = not falloff and best.scatter > SAID_EQUAL and not len(best.known.lights)
     if guessed and (best.gloss() < MATT or _nearly_flat(direction)):
         squares += np.radians(GUESSED) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
@@ -56,18 +58,24 @@ def _nearly_flat(direction: Array) -> bool:
     return bool(spread[2] < FLAT * spread[0])
 
 
-def doubts(joint: Joint, deviation: Array) -> tuple[str, ...]:
-    """Return in words what the photographs leave open."""
-    words = []
+def doubts(solution: Solution, deviation: Array, distance: Array) -> tuple[str, ...]:
+    """Return in words what the photographs leave open, by the deviations of :func:`deviations`."""
+    joint, words, falloff = solution.joint, [], float(np.median(distance)) < FALLOFF
     if _nearly_flat(directions(joint.lights)):
         words.append(
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
-    if joint.gloss() < MATT:
+    if joint.gloss() < MATT and not falloff:
         words.append("there are no highlights; how high the relief is rests on outline and strengths alone")
-    if not joint.outline.rim.any():
+    if not joint.outline.rim.any() and not falloff:
         words.append(
             "the object's outline is not in the picture; how high the relief is rests on strengths and highlights"
+        )
+    if solution.nearer < NEARER:
+        words.append("the lamps seem to stand near the object; take them for near ones, --lamps near")
+    if joint.near and not falloff:
+        words.append(
+            "the lamps' distances are hardly known: they are far, or photographs are few; take them for distant"
         )
     if deviation.mean() > UNSURE:
         words.append(f"the lights are known to {deviation.mean():.1f} degrees only")

@@ -24,10 +24,11 @@ from .start import first_lights, towards_known
 Array = NDArray[np.float64]
 
 MIXED = 0.02  # share that every basis has of every pixel at first
-MOST = (6, 24)  # weighings of the values in the phases of a descent, at most
+MOST = (6, 24, 5)  # weighings of the values in the phases of a descent, at most
 SETTLED = 0.0005  # relative fall of the objective between two weighings that is none, twice in a row
 HOPELESS = 3.0  # times the best objective: such a start is given up
 REWEIGHED = 5  # steps between two weighings of the values
+LONGEST = sum(MOST) * REWEIGHED  # steps of a descent, at most
 AS_GOOD = 1.1  # times the best objective: such an end is nearly as good
 BROUGHT = (0.4, 0.15)  # reach of the object over the distance that near lights have at first
 
@@ -45,12 +46,15 @@ class Solution:
         Lights that are nearly as good: where other starts ended, and where it goes without one of the cues.
     course : tuple of float
         The best one's objective every :data:`REWEIGHED` steps, and at its end.
+    nearer : float
+        What is left of the objective of distant lights after a short look at near ones; 1 where they are near.
     """
 
     joint: Joint
     objectives: tuple[float, ...]
     doubtful: list[Array]
     course: tuple[float, ...]
+    nearer: float
 
 
 @dataclass(frozen=True)
@@ -120,22 +124,34 @@ def solve(problem: Problem) -> Work[Solution]:
     if not starts:
         raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
     attempts = _attempts(problem, starts, guess)
-    total = (len(attempts) + len(known.cues)) * sum(MOST) * REWEIGHED
+    total = (len(attempts) + len(known.cues) + 1) * LONGEST
     ends: list[tuple[list[float], Joint]] = []
     for number, attempt in enumerate(attempts):
         joint = yield from _begun(problem, attempt)
         best = min((course[-1] for course, _ in ends), default=np.inf)
         descent = _descend(joint, problem, (0, 1), best)
-        course = yield from _counted(descent, number * sum(MOST) * REWEIGHED, total)
+        course = yield from _counted(descent, number * LONGEST, total)
         ends.append((course, joint))
     ends.sort(key=lambda end: end[0][-1])
     course, least = ends[0]
     doubtful = [end.lights for other, end in ends[1:] if other[-1] < AS_GOOD * course[-1]]
     for number, cue in enumerate(sorted(least.known.cues - {"highlights"}), start=len(attempts)):
         without = dataclasses.replace(least, known=least.known.without(cue))
-        yield from _counted(_descend(without, problem, (1,)), number * sum(MOST) * REWEIGHED, total)
+        yield from _counted(_descend(without, problem, (1,)), number * LONGEST, total)
         doubtful.append(without.lights)
-    return Solution(least, tuple(other[-1] for other, _ in ends), doubtful, tuple(course))
+    nearer = 1.0
+    if not problem.near:
+        closer = dataclasses.replace(least)
+        _bring_near(closer, pictures, BROUGHT[-1])
+        look = yield from _counted(_descend(closer, problem, (2,)), total - LONGEST, total)
+        nearer = look[-1] / course[-1]
+    return Solution(least, tuple(other[-1] for other, _ in ends), doubtful, tuple(course), nearer)
+
+
+def _bring_near(joint: Joint, pictures: Pictures, away: float) -> None:
+    """Make the distances of distant lights unknowns, the reach of the object over them some number at first."""
+    joint.place(surface_points(pictures, joint.normals))
+    joint.lights = np.hstack([joint.lights, np.full((len(joint.lights), 1), away / joint.reach)])
 
 
 def _attempts(problem: Problem, starts: Sequence[Array], guess: Array) -> list[Attempt]:
@@ -159,9 +175,9 @@ def _counted(work: Work[list[float]], before: int, total: int) -> Work[list[floa
 def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: float = np.inf) -> Work[list[float]]:
     """Minimise from where the state is until it settles, and return the objective every few steps.
 
-    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do. Under near lights the surface is put
-    where the normals say before every weighing. A descent that is far above the best objective known so far, when it
-    has settled once, is given up. The state is weighed in the end.
+    In phase 0 normals are too wrong yet to tell of a surface, in phase 1 they do, phase 2 is a short look. Under near
+    lights the surface is put where the normals say before every weighing. A descent that is far above the best
+    objective known so far, when it has settled once, is given up. The state is weighed in the end.
     """
     pictures, course, done = problem.pictures, list[float](), 0
     for phase in phases:
@@ -177,7 +193,7 @@ def _descend(joint: Joint, problem: Problem, phases: tuple[int, ...], best: floa
                 moving = PARTS_OF_A_STEP if problem.together else PARTS_OF_A_STEP[done % 3 : done % 3 + 1]
                 joint.step(frozenset(moving))
                 done += 1
-                yield Progress("lights", done, sum(MOST) * REWEIGHED, "steps")
+                yield Progress("lights", done, LONGEST, "steps")
         if course[-1] > HOPELESS * best:
             break
     joint.weigh()
@@ -222,8 +238,7 @@ def _begun(problem: Problem, attempt: Attempt) -> Work[Joint]:
         problem.proxy,
     )
     if attempt.away:
-        joint.place(surface_points(pictures, joint.normals))
-        joint.lights = np.hstack([lights, np.full((len(lights), 1), attempt.away / joint.reach)])
+        _bring_near(joint, pictures, attempt.away)
     return joint
 
 
