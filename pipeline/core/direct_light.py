@@ -29,21 +29,20 @@ NO_FRESNEL, SCHLICK, DIELECTRIC = 0, 1, 2
 class Lobes:
     """The closures of P surface points, up to N of each.
 
-        Parameters
-        ----------
-        distribution, fresnel : (N, P) int8
-            FAR = 1e30  # the length of a ray to a distant light
-    LAMBERT, GGX or BECKMANN; NO_FRESNEL, SCHLICK or DIELECTRIC.
-        weight : (N, P, 3) float64
-            Colour times the share of the closure; 0 where a point has fewer.
-        normal : (N, P, 3) float64
-            Unit, world space, on the camera's side.
-        alpha : (N, P) float64
-            Roughness squared of a microfacet lobe.
-        f0 : (N, P, 3) float64
-            Reflectance of a facet at normal incidence, where there is Fresnel.
-        ior : (N, P) float64
-            Relative index of refraction of a dielectric.
+    Parameters
+    ----------
+    distribution, fresnel : (N, P) int8
+        LAMBERT, GGX or BECKMANN; NO_FRESNEL, SCHLICK or DIELECTRIC.
+    weight : (N, P, 3) float64
+        Colour times the share of the closure; 0 where a point has fewer.
+    normal : (N, P, 3) float64
+        Unit, world space, on the camera's side.
+    alpha : (N, P) float64
+        Roughness squared of a microfacet lobe.
+    f0 : (N, P, 3) float64
+        Reflectance of a facet at normal incidence, where there is Fresnel.
+    ior : (N, P) float64
+        Relative index of refraction of a dielectric.
     """
 
     distribution: NDArray[np.int8]

@@ -245,7 +245,8 @@ def test_distant_lamps_taken_for_near_are_found_far_away() -> None:
 def test_a_proxy_gives_near_lamps_their_scale() -> None:
     """Normals leave the size open, and the lamps' distances with it; the mesh of a half says both."""
     camera, lights = view(40), near_lamps()
-    moved = dataclasses.replace(camera, to_world=np.diag([1.0, 1.0, 1.3, 1.0]) @ camera.to_world)
+    farther = camera.to_world + np.outer(np.eye(4)[2], [0.0, 0.0, 0.0, 1.5])
+    moved = dataclasses.replace(camera, to_world=farther)
     capture = dataclasses.replace(photographed(camera, lights), camera=moved)
     ball = synthetic.ball(camera).within(np.indices((56, 56))[1] < 28)
     found = finish(recover(capture, ShapeSettings(method="uncalibrated", lamps="near"), ball))
