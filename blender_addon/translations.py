@@ -179,6 +179,8 @@ GERMAN = {
     "Start": "Beginn",
     "Rounds": "Runden",
     "Held Out": "Zurückgehalten",
+    "Checkerboard": "Schachbrett",
+    "Corners": "Ecken",
     "Lamps": "Lampen",
     "Strengths": "Stärken",
     "Cues": "Hinweise",

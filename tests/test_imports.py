@@ -17,7 +17,10 @@ BLENDER = {"bpy", "bmesh", "mathutils", "bpy_extras", "OpenImageIO"}  # the last
 # Folder -> packages from outside that its files may import, folders of ours that they may reach.
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "pipeline/core": (NUMERIC, {"pipeline/core"}),
-    "pipeline/blender": (NUMERIC | BLENDER | {"rawpy", "embreex", "h5py"}, {"pipeline/core", "pipeline/blender"}),
+    "pipeline/blender": (
+        NUMERIC | BLENDER | {"rawpy", "embreex", "h5py", "cv2"},
+        {"pipeline/core", "pipeline/blender"},
+    ),
     "pipeline/commands": (
         NUMERIC | {"bpy", "typer", "rich", "distributed"},
         {"pipeline/core", "pipeline/blender", "pipeline/report", "pipeline/commands"},

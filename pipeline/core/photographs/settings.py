@@ -35,5 +35,11 @@ class ImportSettings:
         low=0.0,
         high=10_000.0,
     )
+    checkerboard: str = setting(
+        "",
+        "folder of photographs of a checkerboard from several sides by the same lens, in place of --focal",
+        path="folder",
+    )
+    corners: str = setting("9x6", "inner corners of the checkerboard along its two sides")
     chrome: str = setting("", "folder of photographs of a mirror sphere under the same lights", path="folder")
     gray: str = setting("", "folder of photographs of a matt sphere under the same lights", path="folder")
