@@ -61,7 +61,8 @@ def _nearly_flat(direction: Array) -> bool:
 def doubts(solution: Solution, deviation: Array, distance: Array) -> tuple[str, ...]:
     """Return in words what the photographs leave open, by the deviations of :func:`deviations`."""
     joint, words, falloff = solution.joint, [], float(np.median(distance)) < FALLOFF
-    if _nearly_flat(directions(joint.lights)):
+    flat = _nearly_flat(directions(joint.lights))
+    if flat:
         words.append(
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
@@ -71,7 +72,7 @@ def doubts(solution: Solution, deviation: Array, distance: Array) -> tuple[str, 
         words.append(
             "the object's outline is not in the picture; how high the relief is rests on strengths and highlights"
         )
-    if solution.nearer < NEARER:
+    if solution.nearer < NEARER and not flat:
         words.append("the lamps seem to stand near the object; take them for near ones, --lamps near")
     if joint.near and not falloff:
         words.append(
