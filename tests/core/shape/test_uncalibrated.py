@@ -95,12 +95,12 @@ def normal_error(found: Recovered, camera: Camera) -> float:
 
 @pytest.fixture(scope="module")
 def ball() -> Recovered:
-    return solved(photographed(view(40), lamps()))
+    return solved(photographed(view(40, 44), lamps()))
 
 
 def test_lights_and_normals_come_back(ball: Recovered) -> None:
     assert light_errors_deg(ball.lights, lamps()).mean() < tolerances.UNKNOWN_LIGHTS
-    assert normal_error(ball, view(40)) < tolerances.UNKNOWN_NORMALS
+    assert normal_error(ball, view(40, 44)) < tolerances.UNKNOWN_NORMALS
     strength = ball.lights.intensity.mean(axis=1) / lamps().intensity.mean(axis=1)
     assert np.std(np.log(strength)) < tolerances.UNKNOWN_STRENGTHS
 
@@ -119,7 +119,7 @@ def test_lights_that_the_capture_states_are_not_looked_at() -> None:
 
 def test_a_picture_is_predicted_by_what_was_recovered(ball: Recovered) -> None:
     """The recovered lights, normals and tables give the pictures back; another light's direction does not."""
-    capture = photographed(view(40), lamps(), noise=0.0)
+    capture = photographed(view(40, 44), lamps(), noise=0.0)
     known = capture.mask() & np.isfinite(ball.shape.normal).all(axis=-1)
 
     def error(shown: int, light: int) -> float:
@@ -193,7 +193,7 @@ def errors_of(found: Recovered, lights: Lights, camera: Camera) -> dict[str, flo
 
 def test_places_and_powers_of_near_lamps_come_back() -> None:
     """Falloff tells where a lamp is."""
-    camera, lights = view(40, 28), near_lamps()
+    camera, lights = view(40, 24), near_lamps()
     capture = photographed(camera, lights)
     found = solved(capture, lamps="near")
     errors = errors_of(found, lights, camera)
@@ -291,7 +291,7 @@ def test_a_proxy_beside_the_object_is_told() -> None:
 
 def test_the_page_shows_every_light_and_what_is_open(ball: Recovered) -> None:
     doubtful = dataclasses.replace(ball.shape, notes={**ball.shape.notes, "doubts": ["the lamp <was> out"]})
-    capture = dataclasses.replace(photographed(view(40), lamps()), lights=ball.lights)
+    capture = dataclasses.replace(photographed(view(40, 44), lamps()), lights=ball.lights)
     page = report(Results(capture, doubtful, ball.reflectance, 12.0))
     assert page.count("data:image/png") > 12 and "the lamp &lt;was&gt; out." in page
     assert page.count("<tr>") == 1 + COUNT
