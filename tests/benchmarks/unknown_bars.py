@@ -98,7 +98,7 @@ def new_light(whole: Capture, out: Path, number: int) -> float:
     near, truth = whole.lights.kind == "near", whole.truth()
     assert truth is not None
     lights = level.lights_at(shape.camera, whole.lights, level.change(shape.camera, truth.depth, shape.depth))
-    middle = np.nanmean(shape.points().reshape(-1, 3), axis=0) if near else np.zeros(3)
+    middle = shape.middle() if near else np.zeros(3)
     true, found = lights.position - middle, given.lights.position - middle
     left, size, right = np.linalg.svd(true[:COUNT].T @ found)
     grown = size.sum() / (true[:COUNT] ** 2).sum() if near else 1.0

@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.compare.shapes import light_errors_deg
+from pipeline.core.compare.shapes import angles_deg
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
@@ -50,7 +50,7 @@ def outcome(condition: str, capture: drawn.Drawn, refused: bool = False) -> Outc
         found = finish(recover(capture, ShapeSettings(method="uncalibrated")))
     except LightsphereError as error:
         return Outcome(condition, 0, 0, "", f"refused: {str(error).partition(': ')[2] or error}")
-    error = float(light_errors_deg(found.lights, capture.lights).mean())
+    error = float(angles_deg(found.lights.position, capture.lights.position).mean())
     stated = float(np.mean(found.deviation))
     doubts = "; ".join(found.doubts)
     told = f"lights {error:.2g} degrees off, stated {stated:.2g}" + (f"; said: {doubts}" if doubts else "")

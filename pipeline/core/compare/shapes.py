@@ -138,8 +138,8 @@ def light_errors(found: Lights, true: Lights, shape: Shape, truth: Truth | None)
         shape = dataclasses.replace(shape, depth=truth.depth)
     elif true.kind == "near":
         return {}
-    points = shape.points()
-    here, there = (_from_the_middle(lights, points) for lights in (found, true))
+    middle = shape.middle()
+    here, there = (one.position - middle if one.kind == "near" else one.position for one in (found, true))
     errors = {"light_mae_deg": float(angles_deg(here, there).mean())}
     if found.kind == "near" and true.kind == "near":
         apart = np.linalg.norm(here, axis=1) / np.linalg.norm(there, axis=1) - 1.0
@@ -149,13 +149,3 @@ def light_errors(found: Lights, true: Lights, shape: Shape, truth: Truth | None)
             "light_power_pct": 100.0 * float(np.std(np.log(ratio))),
         }
     return errors
-
-
-def _from_the_middle(lights: Lights, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    middle = np.nanmean(points.reshape(-1, 3), axis=0)
-    return lights.position - middle if lights.kind == "near" else lights.position
-
-
-def light_errors_deg(found: Lights, true: Lights) -> NDArray[np.float64]:
-    """Return the angle between recovered and true direction of every distant light, (L,) [degrees]."""
-    return angles_deg(found.position, true.position)

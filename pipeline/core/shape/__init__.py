@@ -56,6 +56,10 @@ class Shape:
         origins, directions = self.camera.rays()
         return np.asarray(origins + self.depth[..., None].astype(np.float64) * directions)
 
+    def middle(self) -> NDArray[np.float64]:
+        """Return the mean of the surface points in the world, (3,) [m]."""
+        return np.asarray(np.nanmean(self.points().reshape(-1, 3), axis=0))
+
     def levelled(self, depth: NDArray[Any]) -> Shape:
         """Return the shape with the scale (pinhole) or shift (orthographic) that is nearest to known depths (H, W).
 

@@ -43,7 +43,7 @@ def test_lights_are_judged_at_the_level_of_the_truth() -> None:
     truth = Truth(ball.depth, ball.normal, ball.normal, np.ones((24, 24), np.int32), 1.6)
     grown, there = at(ball, 2.0), level.lights_at(camera, lights, 2.0)
     assert max(light_errors(there, lights, grown, truth).values()) < 0.01
-    middle = np.nanmean(ball.points().reshape(-1, 3), axis=0)
+    middle = ball.middle()
     farther = dataclasses.replace(lights, position=middle + 1.1 * (lights.position - middle))
     off = light_errors(level.lights_at(camera, farther, 2.0), lights, grown, truth)
     assert off["light_mae_deg"] < 0.01 and off["light_distance_pct"] == pytest.approx(10.0, rel=1e-3)

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from pipeline.core.camera import Camera
 from pipeline.core.capture import Truth
 from pipeline.core.compare.pictures import relative_rmse
-from pipeline.core.compare.shapes import light_errors, light_errors_deg
+from pipeline.core.compare.shapes import angles_deg, light_errors
 from pipeline.core.errors import LightsphereError
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
 from pipeline.core.reflectance.picture import picture
 from pipeline.core.shape.settings import ShapeSettings
 from pipeline.core.shape.uncalibrated import equations, integrability, lobes
-from pipeline.core.shape.uncalibrated import lamps as lamps_
+from pipeline.core.shape.uncalibrated.lamps import arriving, held_apart, places
 from pipeline.core.shape.uncalibrated.outline import outline
 from pipeline.core.shape.uncalibrated.recover import Recovered, recover
 from pipeline.core.shape.uncalibrated.start import equally_strong, mean_strength_one, towards_known
@@ -99,7 +99,7 @@ def ball() -> Recovered:
 
 
 def test_lights_and_normals_come_back(ball: Recovered) -> None:
-    assert light_errors_deg(ball.lights, lamps()).mean() < tolerances.UNKNOWN_LIGHTS
+    assert angles_deg(ball.lights.position, lamps().position).mean() < tolerances.UNKNOWN_LIGHTS
     assert normal_error(ball, view(40, 44)) < tolerances.UNKNOWN_NORMALS
     strength = ball.lights.intensity.mean(axis=1) / lamps().intensity.mean(axis=1)
     assert np.std(np.log(strength)) < tolerances.UNKNOWN_STRENGTHS
@@ -113,8 +113,8 @@ def test_lights_that_the_capture_states_are_not_looked_at() -> None:
     capture = photographed(view(40, 32), lamps())
     lie = dataclasses.replace(capture.lights, position=np.roll(capture.lights.position, 5, axis=0))
     found = solved(dataclasses.replace(capture, lights=lie))
-    assert light_errors_deg(found.lights, lamps()).mean() < tolerances.UNKNOWN_LIGHTS
-    assert light_errors_deg(found.lights, lie).mean() > 10 * tolerances.UNKNOWN_LIGHTS
+    assert angles_deg(found.lights.position, lamps().position).mean() < tolerances.UNKNOWN_LIGHTS
+    assert angles_deg(found.lights.position, lie.position).mean() > 10 * tolerances.UNKNOWN_LIGHTS
 
 
 def test_a_picture_is_predicted_by_what_was_recovered(ball: Recovered) -> None:
@@ -136,7 +136,7 @@ def test_coloured_lamps_change_nothing_but_their_colour() -> None:
     tint = 1 + 0.3 * np.sin(np.arange(3 * COUNT).reshape(COUNT, 3))
     coloured = dataclasses.replace(lights, intensity=lights.intensity * tint)
     found = solved(photographed(view(40), coloured))
-    assert light_errors_deg(found.lights, lights).mean() < tolerances.UNKNOWN_LIGHTS
+    assert angles_deg(found.lights.position, lights.position).mean() < tolerances.UNKNOWN_LIGHTS
     ratio = found.lights.intensity / coloured.intensity
     ratio /= ratio.mean(axis=0)
     assert np.std(np.log(ratio / ratio.mean(axis=1, keepdims=True))) < tolerances.UNKNOWN_STRENGTHS
@@ -149,7 +149,7 @@ def test_matt_object_ends_well_and_says_so(seed: int) -> None:
     lights = lamps(strengths=0.0)
     found = solved(photographed(view(40), lights, gloss=0.0, seed=seed), strengths="equal")
     assert any("no highlights" in doubt for doubt in found.doubts)
-    assert light_errors_deg(found.lights, lights).mean() < tolerances.UNKNOWN_LIGHTS
+    assert angles_deg(found.lights.position, lights.position).mean() < tolerances.UNKNOWN_LIGHTS
 
 
 def test_known_lights_fix_what_the_others_leave_open() -> None:
@@ -176,7 +176,7 @@ def test_whatever_is_known_helps(tmp_path: Path) -> None:
     half = synthetic.ball(camera).within(np.indices((56, 56))[1] < 28)
     blind, told = solved(capture), solved(capture, known_lights=str(listed))
     seen = finish(recover(capture, ShapeSettings(method="uncalibrated"), half))
-    errors = [light_errors_deg(found.lights, lights).mean() for found in (blind, told, seen)]
+    errors = [angles_deg(found.lights.position, lights.position).mean() for found in (blind, told, seen)]
     assert errors[1] < min(tolerances.UNKNOWN_LIGHTS, 0.6 * errors[0]) and errors[2] < 0.8 * errors[0]
     assert told.deviation.mean() < blind.deviation.mean()
     known = np.isfinite(half.depth)
@@ -186,9 +186,8 @@ def test_whatever_is_known_helps(tmp_path: Path) -> None:
 
 def errors_of(found: Recovered, lights: Lights, camera: Camera) -> dict[str, float]:
     ball = synthetic.ball(camera)
-    return light_errors(
-        found.lights, lights, found.shape, Truth(ball.depth, ball.normal, ball.normal, np.ones((1, 1)), 1.6)
-    )
+    truth = Truth(ball.depth, ball.normal, ball.normal, np.ones(ball.depth.shape, np.int32), 1.6)
+    return light_errors(found.lights, lights, found.shape, truth)
 
 
 def test_places_and_powers_of_near_lamps_come_back() -> None:
@@ -202,7 +201,7 @@ def test_places_and_powers_of_near_lamps_come_back() -> None:
     assert errors["light_power_pct"] < 100 * tolerances.UNKNOWN_STRENGTHS
     assert normal_error(found, camera) < tolerances.UNKNOWN_NORMALS and not found.doubts
     one = found.shape.notes["lights"][3]
-    there = found.lights.position[3] - np.nanmean(found.shape.points().reshape(-1, 3), axis=0)
+    there = found.lights.position[3] - found.shape.middle()
     np.testing.assert_allclose(np.multiply(one["direction"], one["distance"]), there, rtol=1e-6)
     known = capture.mask() & np.isfinite(found.shape.normal).all(axis=-1)
     shown = picture(found.shape, found.reflectance, found.lights.position[3], found.lights.intensity[3], near=True)
@@ -261,7 +260,7 @@ def test_without_its_cues_the_relief_is_open() -> None:
     found = solved(capture, cues="strengths")
     assert found.shape.notes["cues"] == ["strengths"]
     assert any("degrees only" in doubt for doubt in found.doubts)
-    assert light_errors_deg(found.lights, lamps()).mean() < 2 * found.deviation.mean()
+    assert angles_deg(found.lights.position, lamps().position).mean() < 2 * found.deviation.mean()
 
 
 @pytest.mark.parametrize(
@@ -355,26 +354,26 @@ def test_a_near_light_falls_off_with_its_distance_squared() -> None:
     strength = np.linalg.norm(light[:3])
     towards = light[:3] / strength / light[3] - offset
     here, slopes = np.empty(3), np.empty((4, 3))
-    lamps_.arriving(light, offset, here, slopes)
+    arriving(light, offset, here, slopes)
     irradiance = strength / light[3] ** 2 / (towards**2).sum()
     np.testing.assert_allclose(here, irradiance * oracles.unit(towards), rtol=1e-12)
     step = 1e-6
     for i in range(4):
         ahead, behind, unused = np.empty(3), np.empty(3), np.empty((4, 3))
-        lamps_.arriving(light + step * np.eye(4)[i], offset, ahead, unused)
-        lamps_.arriving(light - step * np.eye(4)[i], offset, behind, unused)
+        arriving(light + step * np.eye(4)[i], offset, ahead, unused)
+        arriving(light - step * np.eye(4)[i], offset, behind, unused)
         np.testing.assert_allclose(slopes[i], (ahead - behind) / (2 * step), rtol=tolerances.JACOBIAN, atol=1e-9)
-    lamps_.arriving(np.append(light[:3], 0.0), offset, here, slopes)
+    arriving(np.append(light[:3], 0.0), offset, here, slopes)
     np.testing.assert_allclose(here, light[:3], rtol=1e-12)
 
 
 def test_near_lights_stay_outside() -> None:
     offsets = 0.8 * oracles.unit(np.random.default_rng(0).standard_normal((200, 3)))
     lights = np.hstack([lamps().position, np.linspace(-1.0, 9.0, COUNT)[:, None]])
-    held = lamps_.places(lamps_.held_apart(lights, offsets))
+    held = places(held_apart(lights, offsets))
     assert np.linalg.norm(held, axis=1).min() > 0.9 and np.linalg.norm(held, axis=1).max() < 1000
     untouched = np.hstack([lamps().position, np.full((COUNT, 1), 0.4)])
-    np.testing.assert_array_equal(lamps_.held_apart(untouched, offsets), untouched)
+    np.testing.assert_array_equal(held_apart(untouched, offsets), untouched)
 
 
 def test_lobes_are_those_of_ggx() -> None:

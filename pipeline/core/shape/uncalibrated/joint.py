@@ -279,9 +279,10 @@ class Joint:
         off, slope = np.log(strength), np.zeros((len(strength), *self.lights.shape))
         for k, light in enumerate(self.vectors / strength[:, None] ** 2):
             slope[k, k, :3] = light
-        for near in self.lights[:, 3:].T:  # the light at the centre is a lamp's power times q squared
-            off = off - 2.0 * (np.log(near) - np.log(near).mean())
-            slope[..., 3] = 2.0 * (1.0 / len(near) - np.eye(len(near))) / near
+        if self.near:  # the light at the centre is a lamp's power times q squared
+            q = self.lights[:, 3]
+            off = off - 2.0 * (np.log(q) - np.log(q).mean())
+            slope[..., 3] = 2.0 * (1.0 / len(q) - np.eye(len(q))) / q
         slope = slope.reshape(len(off), -1)
         return float(weight * (off**2).sum()), weight * slope.T @ slope, -weight * slope.T @ off
 

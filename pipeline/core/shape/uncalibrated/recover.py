@@ -113,7 +113,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     shape = surface(capture, mask, normals, confidence, None, layers)
     if proxy is not None:
         shape = dataclasses.replace(shape.levelled(proxy.depth), notes={"level": "of the proxy"})
-    lights = _in_the_world(joint, everything.rays, fitted.offsets, shape, np.pi * bright * colours)
+    lights = _in_the_world(joint, everything, fitted.offsets, shape, np.pi * bright * colours)
     notes = {
         "lights": _described(lights, shape, unsure),
         "doubts": list(left_open),
@@ -128,14 +128,16 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     return Recovered(shape, reflectance, lights, unsure[0], left_open)
 
 
-def _in_the_world(joint: Joint, rays: Array, offsets: Array, shape: Shape, unit: Array) -> Lights:
+def _in_the_world(joint: Joint, pictures: Pictures, offsets: Array, shape: Shape, unit: Array) -> Lights:
     """Return the lights where they are to the surface as it was put in the end.
 
     Parameters
     ----------
     joint : Joint
-    rays, offsets : (P, 6), (P, 3) float64
-        Of the shape's pixels: their rays in camera space, and where the surface was when near lights were found.
+    pictures : Pictures
+        Of the shape's P pixels.
+    offsets : (P, 3) float64
+        Of the surface that near lights were found with.
     shape : Shape
     unit : (L, 3) float64
         Irradiance that a strength of one stands for [W/m^2].
@@ -146,9 +148,8 @@ def _in_the_world(joint: Joint, rays: Array, offsets: Array, shape: Shape, unit:
         return Lights("distant", directions(joint.lights) @ to_world.T, strength * unit, surfaces)
     place = (joint.centre + places(joint.lights)) @ to_world.T + camera.to_world[:3, 3]
     there = Lights("near", place, strength / joint.lights[:, 3:] ** 2 * unit, surfaces)
-    then = ((joint.centre + offsets - rays[:, :3]) * rays[:, 3:]).sum(axis=1)
-    now = shape.depth[np.isfinite(shape.normal).all(axis=-1)]
-    return level.lights_at(camera, there, level.change(camera, then, now))
+    then = ((joint.centre + offsets - pictures.rays[:, :3]) * pictures.rays[:, 3:]).sum(axis=1)
+    return level.lights_at(camera, there, level.change(camera, then, shape.depth[pictures.mask]))
 
 
 def _described(lights: Lights, shape: Shape, unsure: tuple[Array, Array]) -> list[dict[str, Any]]:
@@ -156,7 +157,7 @@ def _described(lights: Lights, shape: Shape, unsure: tuple[Array, Array]) -> lis
     gray = lights.intensity.mean(axis=1)
     strength, away = gray / np.exp(np.log(gray).mean()), lights.position
     if lights.kind == "near":
-        away = away - np.nanmean(shape.points().reshape(-1, 3), axis=0)
+        away = away - shape.middle()
     told = []
     for k, distance in enumerate(np.linalg.norm(away, axis=1)):
         one = {"direction": (away[k] / distance).tolist(), "strength": strength[k], "deviation_deg": unsure[0][k]}
