@@ -199,12 +199,16 @@ class Joint:
 
         Lobes that no value reaches have no share, however large their coefficients.
         """
-        everything, matt = np.empty((2, *self.values.shape))
         lambertian = self.coefficients * (np.arange(self.coefficients.shape[1]) == 0)[:, None]
-        for coefficients, light in ((self.coefficients, everything), (lambertian, matt)):
-            foresee(self.views, self.offsets, self.normals, self.weights, self.lights, coefficients, light)
+        everything, matt = self.foreseen(self.coefficients), self.foreseen(lambertian)
         sure = self.certainty[..., None]
         return 1.0 - float((sure * matt).sum() / max((sure * everything).sum(), 1e-300))
+
+    def foreseen(self, coefficients: Array) -> Array:
+        """Return what the pixels show (P, L, 3) of bases of some coefficients (K, J, 3); no cast shadows."""
+        shown = np.empty(self.values.shape)
+        foresee(self.views, self.offsets, self.normals, self.weights, self.lights, coefficients, shown)
+        return shown
 
     def light_covariance(self) -> tuple[Array, float]:
         """Return the covariance (L, N, L, N) of the lights that the misfit and the curvature of the cost give.

@@ -28,13 +28,14 @@ from ..photometric.sight import Sight, see
 from ..settings import STRENGTHS, ShapeSettings
 from . import lobes
 from .certainty import deviations, doubts
+from .descent import Problem
 from .joint import Joint
 from .known import known
 from .lamps import directions, places
 from .outline import outline
 from .pictures import Pictures, blocks, pictures_of, reduced
 from .scales import Scale, every_pixel
-from .solve import Problem, solve
+from .solve import solve
 
 Array = NDArray[np.float64]
 
@@ -117,7 +118,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     notes = {
         "lights": _described(lights, shape, unsure),
         "doubts": list(left_open),
-        "objectives": list(solution.objectives),
+        "costs": list(solution.costs),
         "objective": list(solution.course),
         "cues": sorted(joint.known.cues),
         "condition": {"lights and bases": noted(np.array([conditioned]))},

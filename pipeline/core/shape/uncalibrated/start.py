@@ -1,15 +1,19 @@
-"""First lights from the pictures alone: a factorisation of rank three, and two ways of choosing its nine numbers.
+"""First lights from the pictures alone: a factorisation of rank three, and ways of choosing its nine numbers.
 
 On a matt surface the values are a product of pixels and lights, y = B S^T with B (P, 3) and S (L, 3) (Hayakawa 1994).
 It is found without highlights and shadows, by reweighted alternating least squares. S is then known but for a
-3 x 3 matrix. Either the lights are taken to be equally strong, which leaves a rotation (Hayakawa 1994), or those
-lights are taken that fit a dome over the outline best.
+3 x 3 matrix. Either those lights are taken that fit a dome over the outline best, or the lights are taken to be equally
+strong, which leaves a rotation (Hayakawa 1994): the one that turns normals to the dome's, or those that make them the
+normals of one surface, be it a dome or a bowl.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .integrability import turns
+from .pictures import Pictures
 
 Array = NDArray[np.float64]
 
@@ -25,21 +29,21 @@ STIFF = 1e-4  # weight of leaving all lights as they are where some are known
 RIDGE = 1e-9
 
 
-def first_lights(values: Array, lit: NDArray[np.bool_], dome: Array) -> list[Array]:
+def first_lights(pictures: Pictures, dome: Array) -> list[Array]:
     """Return some sets of lights (L, 3) to begin with, camera space, their strengths' geometric mean 1.
 
     Parameters
     ----------
-    values : (P, L) float64
-    lit : (P, L) bool
+    pictures : Pictures
     dome : (P, 3) float64
         Guessed normals.
 
     Returns
     -------
     list of (L, 3) float64
-        Empty where fewer than three pixels see enough lights.
+        First those that fit the dome. Empty where fewer than three pixels see enough lights.
     """
+    values, lit = pictures.gray, pictures.lit > 0
     usual = np.nanmedian(np.where(lit, values, np.nan), axis=1, keepdims=True)
     kept = (lit.sum(axis=1) >= ENOUGH * lit.shape[1]) & (usual[:, 0] > 0)
     if kept.sum() < 3:
@@ -50,8 +54,14 @@ def first_lights(values: Array, lit: NDArray[np.bool_], dome: Array) -> list[Arr
     sets = [lights @ np.linalg.lstsq(lights, by_dome, rcond=None)[0]]
     equal = equally_strong(lights)
     if equal is not None:
-        turned = _turned_to(pixels @ np.linalg.inv(equal).T, trust.sum(axis=1), dome, lights @ equal, by_dome)
-        sets.append(lights @ equal @ turned)
+        lights, pixels = lights @ equal, pixels @ np.linalg.inv(equal).T
+        normals = pixels / np.maximum(np.linalg.norm(pixels, axis=1, keepdims=True), RIDGE)
+        sets.append(lights @ _turned_to(normals, trust.sum(axis=1), dome, lights, by_dome))
+        mask = pictures.mask.copy()
+        mask[mask] = kept
+        for rotation in turns(mask, pictures.rays[kept], normals, pictures.pinhole):
+            turned = lights @ rotation.T
+            sets.append(turned * np.sign(np.median(turned[:, 2])))
     return [mean_strength_one(one) for one in sets]
 
 
@@ -111,9 +121,8 @@ def towards_known(lights: Array, numbers: NDArray[np.int64], directions: Array) 
     return mean_strength_one(lights @ change)
 
 
-def _turned_to(pixels: Array, trust: Array, dome: Array, lights: Array, by_dome: Array) -> Array:
+def _turned_to(normals: Array, trust: Array, dome: Array, lights: Array, by_dome: Array) -> Array:
     """Return the rotation, mirrored or not, that turns normals to the dome's, beginning with the lights'."""
-    normals = pixels / np.maximum(np.linalg.norm(pixels, axis=1, keepdims=True), RIDGE)
     rotation = _procrustes(lights, by_dome)
     for _ in range(DOME_ROUNDS):
         apart = np.linalg.norm(normals @ rotation - dome, axis=1)
