@@ -6,6 +6,8 @@ import dataclasses
 import os
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +18,7 @@ from ..core.capture import Capture, with_lights
 from ..core.compare.shapes import light_errors, shape_errors
 from ..core.errors import LightsphereError
 from ..core.lights import Lights
+from ..core.progress import Work
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
@@ -32,6 +35,7 @@ MeshFile = Annotated[
     Path | None,
     typer.Option("--mesh", help="take the shape from a mesh: PLY, OBJ, glTF or USD", metavar="FILE"),
 ]
+WITH_REFLECTANCE = ("acls", "uncalibrated")
 OF_BASES = ("bases", "objective", "start_explains_better", "nodes_seen", "held_out")
 PAGE = "report.html"
 LEFT_OUT = ("saturated_values", "broken_values")
@@ -60,6 +64,8 @@ def shape(
     goal = Goal(budget, target)
     if mesh and (goal or dry_run):
         raise LightsphereError("a mesh is taken as it is; leave --budget, --target and --dry-run out")
+    if settings.interreflections and (mesh or settings.method not in WITH_REFLECTANCE):
+        raise LightsphereError(f"--interreflections needs what the object reflects: {' or '.join(WITH_REFLECTANCE)}")
     whole = Capture.open(capture)
     with Figures("shape", json) as figures:
         if goal or dry_run:
@@ -71,7 +77,7 @@ def shape(
             settings = dataclasses.replace(settings, **promise.expected.settings)
         opened = thinned_to(whole, settings.pictures)
         start = time.perf_counter()
-        reflectance, source = None, capture
+        reflectance, source, given = None, capture, opened
         doubts: tuple[str, ...] = ()
         lights: Lights | None = None
         if mesh:
@@ -79,14 +85,17 @@ def shape(
         elif settings.method == "double-sphere":
             found = run_with_bar(recover(opened, settings))
         elif settings.method == "uncalibrated":
-            every = run_with_bar(uncalibrated.recover(opened, settings, _proxy(opened, settings, mesh_unit)))
+            proxy = _proxy(opened, settings, mesh_unit)
+            solve = partial(_uncalibrated, settings, proxy)
+            every, given = run_with_bar(_without_interreflections(opened, solve, settings, output))
             found, reflectance, doubts, lights = every.shape, every.reflectance, every.doubts, every.lights
             source = output / "capture"
             with_lights(opened, lights, source)
             figures.values["lights"] = found.notes["lights"]
             figures.values["light_deviation_deg"] = float(every.deviation.mean())
         else:
-            both = run_with_bar(photometric.recover(opened, settings))
+            solve = partial(_photometric, settings)
+            both, given = run_with_bar(_without_interreflections(opened, solve, settings, output))
             found, reflectance = both.shape, both.reflectance
         figures.values["solve_seconds"] = time.perf_counter() - start
         found.notes["settings"] = dataclasses.asdict(settings)
@@ -110,7 +119,8 @@ def shape(
         if lights is not None:
             from ..report import uncalibrated as page
 
-            results = page.Results(Capture.open(source), found, reflectance, figures.values["solve_seconds"])
+            shown = dataclasses.replace(given, lights=lights)
+            results = page.Results(output.name, shown, found, reflectance, figures.values["solve_seconds"])
             images.write_text(output / PAGE, page.report(results))
         left_out = {name: found.notes[name] for name in LEFT_OUT if name in found.notes}
         figures.values.update(errors, **{name: found.notes[name] for name in NOTED if name in found.notes})
@@ -128,6 +138,28 @@ def shape(
     for doubt in doubts:
         print(f"lightsphere: {capture}: {doubt}", file=sys.stderr)
     _warn_of_changes(opened)
+
+
+Solve = Callable[[Capture, Any], Work[Any]]
+
+
+def _without_interreflections(
+    capture: Capture, solve: Solve, settings: ShapeSettings, output: Path
+) -> Work[tuple[Any, Capture]]:
+    """Return what is found, and the pictures in which it is."""
+    if not settings.interreflections:
+        return (yield from solve(capture, None)), capture
+    from ..blender.interreflections import taken_out
+
+    return (yield from taken_out(capture, solve, settings.interreflections, output / "direct"))
+
+
+def _uncalibrated(settings: ShapeSettings, proxy: Shape | None, capture: Capture, before: Any) -> Work[Any]:
+    return uncalibrated.recover(capture, settings, proxy, before)
+
+
+def _photometric(settings: ShapeSettings, capture: Capture, before: Any) -> Work[Any]:
+    return photometric.recover(capture, settings)
 
 
 def _proxy(capture: Capture, settings: ShapeSettings, unit: float) -> Shape | None:

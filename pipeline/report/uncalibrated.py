@@ -24,8 +24,9 @@ AZIMUTHS = (-35.0, 0.0, 35.0)  # from which the surface is drawn [degrees]
 
 @dataclass(frozen=True)
 class Results:
-    """What the page shows: a capture with the lights that were found, the shape and its reflectance, and the cost."""
+    """What the page shows: a name, a capture with the lights that were found, shape and reflectance, and the cost."""
 
+    name: str
     capture: Capture
     shape: Shape
     reflectance: Bivariate
@@ -41,7 +42,7 @@ def report(r: Results) -> str:
     errors = [relative_rmse(pictures[k], r.capture.image(k), mask) for k in range(len(pictures))]
     parts = [_head(r, errors), _doubts(r), _photographs(r, pictures, errors), _lights(r, errors), _surface(r)]
     parts += [_materials(r), _course(r)]
-    return html.page(f"Unknown lights of {r.capture.folder.name}", [part for part in parts if part])
+    return html.page(f"Unknown lights of {r.name}", [part for part in parts if part])
 
 
 def _head(r: Results, errors: list[float]) -> str:
@@ -49,7 +50,7 @@ def _head(r: Results, errors: list[float]) -> str:
     stated = np.array([one["deviation_deg"] for one in r.shape.notes["lights"]])
     return (
         html.text("Lightsphere shape", "kicker")
-        + f"<h1>{html.escape(r.capture.folder.parent.name)}</h1>"
+        + f"<h1>{html.escape(r.name)}</h1>"
         + html.text(words, "lead")
         + html.facts(
             [

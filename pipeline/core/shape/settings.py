@@ -73,6 +73,13 @@ class ShapeSettings:
     proxy: str = setting(
         "", "a rough mesh of the object or of a part of it in the capture's world: a cue for uncalibrated", path="file"
     )
+    interreflections: int = setting(
+        0,
+        "times that acls and uncalibrated take the light that the object throws upon itself, rendered by Cycles from "
+        "what they found, out of the pictures and begin anew; 3 for a hollow, 0: none",
+        low=0,
+        high=20,
+    )
     objective: str = setting(
         "joint",
         "joint: one reflectance function fitted to both surfaces with the depth as an unknown; "

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...capture import Capture
 from ...condition import BAD, condition, noted
 from ...errors import LightsphereError
+from ...lights import Lights
 from ...progress import Work
 from ...reflectance.bivariate import Bivariate
 from .. import Shape
@@ -30,10 +31,11 @@ PARALLEL = 1e-6  # least over largest spread of the light directions
 
 @dataclass(frozen=True)
 class Recovered:
-    """What :func:`recover` found: the shape and, but for the Lambertian method, its reflectance."""
+    """What :func:`recover` found: the shape and, but for the Lambertian method, its reflectance; under which lights."""
 
     shape: Shape
     reflectance: Bivariate | None
+    lights: Lights
 
 
 def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
@@ -69,7 +71,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
     mask[mask] = enough
     sight = sight.select(enough)
     if settings.method == "lambertian":
-        return Recovered(_lambertian(capture, mask, sight, before), None)
+        return Recovered(_lambertian(capture, mask, sight, before), None, capture.lights)
     used, unseen = split(sight, settings.held_out)
     by_symmetry = settings.start == "symmetry"
     options = Options(settings.bases, settings.colour, rounds=settings.rounds, by_symmetry=by_symmetry)
@@ -88,7 +90,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Recovered]:
         error = held_out_error(unseen, found)
         reflectance = dataclasses.replace(reflectance, notes={**reflectance.notes, "held_out": error})
     shape = _noted(_shape(capture, mask, found, before), condition(sight.light_equations(), one_unit=True))
-    return Recovered(dataclasses.replace(shape, notes={**shape.notes, "matte": sure is not None}), reflectance)
+    shape = dataclasses.replace(shape, notes={**shape.notes, "matte": sure is not None})
+    return Recovered(shape, reflectance, capture.lights)
 
 
 def _noted(shape: Shape, told: NDArray[np.float64]) -> Shape:

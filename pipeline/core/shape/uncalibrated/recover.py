@@ -47,8 +47,12 @@ BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 
 @dataclass(frozen=True)
 class Recovered:
-    """Shape, reflectance, and the lights in the world with their standard deviations (L,) [degrees]."""
+    """Shape, reflectance, and the lights in the world with their standard deviations (L,) [degrees].
 
+    ``joint`` is the solution of the coarse pictures, from which another can begin.
+    """
+
+    joint: Joint
     shape: Shape
     reflectance: Bivariate
     lights: Lights
@@ -56,7 +60,9 @@ class Recovered:
     doubts: tuple[str, ...]
 
 
-def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = None) -> Work[Recovered]:
+def recover(
+    capture: Capture, settings: ShapeSettings, proxy: Shape | None = None, before: Recovered | None = None
+) -> Work[Recovered]:
     """Recover lights, normals, surface, bases and weight maps; what the capture says of its lights is not looked at.
 
     Parameters
@@ -66,6 +72,8 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     proxy : Shape, optional
         What the camera sees of a rough mesh of the object or of a part of it: its normals are a cue, its depth sets
         the size (pinhole) or the place along the view (orthographic) that normals leave open.
+    before : Recovered, optional
+        From nearly the same photographs: what to begin with instead of trying several starts.
 
     Raises
     ------
@@ -99,7 +107,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
         near=settings.lamps == "near",
         together=settings.objective == "joint",
     )
-    solution = yield from solve(problem)
+    solution = yield from solve(problem, None if before is None else before.joint)
     joint = solution.joint
     fitted = yield from every_pixel(scales, joint)
     normals, weights = fitted.normals, fitted.weights
@@ -126,7 +134,7 @@ def recover(capture: Capture, settings: ShapeSettings, proxy: Shape | None = Non
     shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
     lit = dataclasses.replace(sight, lights=places(joint.lights), near=joint.near, points=fitted.offsets)
     reflectance = _reflectance(mask, lit, everything, normals, weights, scaled, misfit)
-    return Recovered(shape, reflectance, lights, unsure[0], left_open)
+    return Recovered(joint, shape, reflectance, lights, unsure[0], left_open)
 
 
 def _in_the_world(joint: Joint, pictures: Pictures, offsets: Array, shape: Shape, unit: Array) -> Lights:

@@ -19,19 +19,24 @@ from .pictures import Pictures, surface_points
 
 Array = NDArray[np.float64]
 
+TOLERATED = 0.01  # share of the values that may be wrong: every shadow has a border, and the pictures' blocks a size
 STEPS = 64  # along a ray of light over the object
 BESIDE = 2.0  # pixels that a ray of light leaves the surface by before it can meet it, and by which it must lie below
 
 
 def unexplained(pictures: Pictures, joint: Joint) -> float:
-    """Return Cauchy's cost of values that are dark but lit by the surface found, or bright but in its cast shadow."""
+    """Return Cauchy's cost of values that are dark but lit by the surface found, or bright but in its cast shadow.
+
+    It counts from where it is more than borders of shadows make.
+    """
     points = surface_points(pictures, joint.normals)
     hidden = occluded(pictures, points, _towards(joint, points))
     dark = (pictures.usable > 0) & (pictures.lit <= 0)
     wrong = np.where(hidden, pictures.lit > 0, dark)
     foreseen = np.where(hidden, 0.0, joint.foreseen(joint.coefficients).mean(axis=2))
     width = (WIDTH * np.maximum(pictures.gray, pictures.usual[:, None])) ** 2 + (NOISY * pictures.noise) ** 2
-    return float(np.log1p((foreseen - pictures.gray)[wrong] ** 2 / width[wrong]).sum())
+    cost = np.log1p((foreseen - pictures.gray)[wrong] ** 2 / width[wrong]).sum()
+    return float(max(cost - TOLERATED * wrong.size * np.log1p(1 / WIDTH**2), 0.0))
 
 
 def occluded(pictures: Pictures, points: Array, towards: Array) -> NDArray[np.bool_]:

@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 
 HOPELESS = 1.5  # times the best cost after the rough phase: such a start is given up
 AS_GOOD = 1.1  # times the best cost: such an end is nearly as good
-DARK = 0.5  # share that dark and hidden values have in the cost of an end: they go together in patches
 BROUGHT = (0.4, 0.15)  # reach of the object over the distance that near lights have at first
 CHECKED = ("outline", "strengths", "surface")  # cues without which the lights are looked at again
 
@@ -55,7 +54,6 @@ class End:
 
     Parameters
     ----------
-    attempt : Attempt
     joint : Joint
     course : tuple of float
         Its objective at every weighing.
@@ -63,7 +61,6 @@ class End:
         What :func:`.shadows.unexplained` says; 0 where shadows are not believed.
     """
 
-    attempt: Attempt
     joint: Joint
     course: tuple[float, ...]
     dark: float
@@ -71,25 +68,23 @@ class End:
     @property
     def cost(self) -> float:
         """What ends are chosen by."""
-        return self.course[-1] + DARK * self.dark
+        return self.course[-1] + self.dark
 
 
-def solve(problem: Problem) -> Work[Solution]:
+def solve(problem: Problem, before: Joint | None = None) -> Work[Solution]:
     """Find lights and bases from every start, and once more as if all were matt: lobes can lead astray where it is.
+
+    Or begin with what was found before, of nearly the same pictures.
 
     Raises
     ------
     LightsphereError
         When the pictures leave nothing to start from.
     """
-    known, pictures = problem.known, problem.pictures
-    guess = np.where(np.isfinite(problem.proxy).all(axis=1, keepdims=True), problem.proxy, problem.outline.dome)
-    starts = first_lights(pictures, guess)
-    if len(known.lights):
-        starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
-    if not starts:
-        raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
-    ends = yield from _ends(problem, _attempts(problem, starts, guess))
+    if before is None:
+        ends = yield from _ends(problem, _attempts(problem))
+    else:
+        ends = [(yield from _again(problem, before))]
     best = ends[0]
     doubtful = [end.joint.lights for end in ends[1:] if end.cost < AS_GOOD * best.cost]
     checks = [cue for cue in CHECKED if cue in best.joint.known.cues]
@@ -101,17 +96,24 @@ def solve(problem: Problem) -> Work[Solution]:
     nearer = 1.0
     if not problem.near:
         closer = dataclasses.replace(best.joint)
-        bring_near(closer, pictures, BROUGHT[-1])
+        bring_near(closer, problem.pictures, BROUGHT[-1])
         look = yield from _counted(descend(closer, problem, "look"), "checks", total - MOST["look"], total)
         nearer = look[-1] / best.course[-1]
     return Solution(best.joint, tuple(end.cost for end in ends), doubtful, best.course, nearer)
 
 
-def _attempts(problem: Problem, starts: Sequence[Array], guess: Array) -> list[Attempt]:
+def _attempts(problem: Problem) -> list[Attempt]:
     """Return what is tried. Equal strengths at the object are none of near lights, whose falloff looks like shape."""
+    known, pictures = problem.known, problem.pictures
+    guess = np.where(np.isfinite(problem.proxy).all(axis=1, keepdims=True), problem.proxy, problem.outline.dome)
+    starts = first_lights(pictures, guess)
+    if len(known.lights):
+        starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
+    if not starts:
+        raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
     if not problem.near:
-        return [Attempt(lights, problem.known) for lights in starts]
-    return [Attempt(starts[0], problem.known, start, away) for start in (None, guess) for away in BROUGHT]
+        return [Attempt(lights, known) for lights in starts]
+    return [Attempt(starts[0], known, start, away) for start in (None, guess) for away in BROUGHT]
 
 
 def _ends(problem: Problem, attempts: Sequence[Attempt]) -> Work[list[End]]:
@@ -119,9 +121,10 @@ def _ends(problem: Problem, attempts: Sequence[Attempt]) -> Work[list[End]]:
     total, ends = (len(attempts) + 1) * (MOST["rough"] + MOST["fine"]), list[End]()
     for number, attempt in enumerate(attempts):
         ends.append((yield from _rough(problem, attempt, number * MOST["rough"], total)))
-    best, done = min(ends, key=lambda end: end.cost), len(attempts) * MOST["rough"]
+    best, attempt = min(zip(ends, attempts, strict=True), key=lambda pair: pair[0].cost)
+    done = len(attempts) * MOST["rough"]
     if "highlights" in problem.known.cues:
-        matt = dataclasses.replace(best.attempt, known=problem.known.without("highlights"))
+        matt = dataclasses.replace(attempt, known=problem.known.without("highlights"))
         ends.append((yield from _rough(problem, matt, done, total)))
     ends = sorted((end for end in ends if end.cost <= HOPELESS * best.cost), key=lambda end: end.cost)
     done, total = done + MOST["rough"], len(ends) * MOST["fine"] + done + MOST["rough"]
@@ -129,14 +132,23 @@ def _ends(problem: Problem, attempts: Sequence[Attempt]) -> Work[list[End]]:
     for number, end in enumerate(ends):
         work = descend(end.joint, problem, "fine")
         course = yield from _counted(work, "lights", done + number * MOST["fine"], total)
-        fine.append(End(end.attempt, end.joint, end.course[:-1] + course, _dark(problem, end.joint)))
+        fine.append(End(end.joint, end.course[:-1] + course, _dark(problem, end.joint)))
     return sorted(fine, key=lambda end: end.cost)
 
 
 def _rough(problem: Problem, attempt: Attempt, done: int, total: int) -> Work[End]:
     joint = yield from begun(problem, attempt)
     course = yield from _counted(descend(joint, problem, "rough"), "lights", done, total)
-    return End(attempt, joint, course, _dark(problem, joint))
+    return End(joint, course, _dark(problem, joint))
+
+
+def _again(problem: Problem, before: Joint) -> Work[End]:
+    pictures = problem.pictures
+    joint = dataclasses.replace(
+        before, values=pictures.values, lit=pictures.lit, usual=pictures.usual, noise=pictures.noise
+    )
+    course = yield from _counted(descend(joint, problem, "fine"), "lights", 0, MOST["fine"])
+    return End(joint, course, _dark(problem, joint))
 
 
 def _dark(problem: Problem, joint: Joint) -> float:
