@@ -41,6 +41,17 @@ def ball(view: Camera) -> Shape:
     return shape_of(view, depth, (origins + depth[..., None] * directions) / RADIUS)
 
 
+def bowl(view: Camera, half_angle: float) -> Shape:
+    """The inside of a ball of RADIUS about the origin, as far as so many degrees from its bottom, seen from above."""
+    origins, directions = view.rays()
+    along = -(origins * directions).sum(-1)
+    inside = along**2 - (origins**2).sum(-1) + RADIUS**2
+    depth = along + np.sqrt(np.maximum(inside, 0))
+    points = origins + depth[..., None] * directions
+    seen = (inside > 0) & (points[..., 2] < -RADIUS * np.cos(np.radians(half_angle)))
+    return shape_of(view, np.where(seen, depth, np.nan), -points / RADIUS)
+
+
 def plane(view: Camera, normal: NDArray[np.float64], offset: float = 0.0) -> Shape:
     """A plane through ``offset * normal``."""
     origins, directions = view.rays()

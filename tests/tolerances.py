@@ -134,3 +134,9 @@ CLOSED_FORM_LIGHT = 5e-4  # light that differs, of all light
 
 # A focal length from five photographs of a checkerboard of 35 corners, 480 px wide, relative.
 FOCAL = 0.01
+
+# Light between the walls of a bowl, relative: the noise of some sixty samples a pixel, and a mesh of facets.
+BETWEEN_WALLS = 0.04
+
+# Lights and normals of a drawn bowl of 900 pixels, with shadows over much of it [degrees].
+HOLLOW = 4.0

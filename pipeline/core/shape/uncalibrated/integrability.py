@@ -30,7 +30,6 @@ STILL = 1e-8  # share of a pair's weight by which every pixel stays where it is:
 TRIED, FOLLOWED = 3000, 6  # rotations, about 13 degrees apart, and how many of the best are followed
 OFF = 0.03  # of a surface, over how far normals turn from pixel to pixel, at which a cell counts half
 FLAT = 0.3  # of the usual turn; where normals turn less, noise is what is seen
-TWIN = np.diag([-1.0, -1.0, 1.0])  # convex for concave: seen from afar it is a surface, too
 
 
 def cue(mask: NDArray[np.bool_], rays: Array, normals: Array, lights: Array, pinhole: bool) -> tuple[Array, Array]:
@@ -88,16 +87,16 @@ def _beside_a_surface(
     return left_over[:, 0], left_over[:, 1:], scatter
 
 
-def turns(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -> list[Array]:
-    """Return the two rotations R (3, 3) for which the normals ``R n`` are nearest to those of one surface.
+def turn(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -> Array:
+    """Return the rotation R (3, 3) for which the normals ``R n`` are nearest to those of one surface.
 
-    The second is the first one's twin, convex where that is concave. With the image axes x and y in units of the
+    With the image axes x and y in units of the
     distance, q = (x, y, -1) along the ray, N_x = n x dn/dx and N_y = n x dn/dy, a surface's normals satisfy::
 
         N_x . e_x + N_y . e_y + (x N_x + y N_y) . e_z = 0
 
     which is that the mixed derivatives of its logarithmic depth agree, and is linear in R. Under parallel rays the last
-    term is missing. A rotation or mirrored one, R and -R, does not matter here.
+    term is missing. R and -R are the same here. The unit matrix where no four pixels are neighbours.
 
     Parameters
     ----------
@@ -111,7 +110,7 @@ def turns(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -
     """
     rows = _in_rotations(mask, rays, normals, pinhole)
     if not len(rows):
-        return []
+        return np.eye(3)
 
     def cost(rotations: Array) -> Array:
         return np.asarray(np.log1p((rotations.reshape(-1, 9) @ rows.T / OFF) ** 2).mean(axis=1))
@@ -125,8 +124,7 @@ def turns(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -
 
     tried = Rotation.from_quat(np.random.default_rng(0).standard_normal((TRIED, 4))).as_matrix()
     ends = [followed(tried[k]) for k in np.argsort(cost(tried))[:FOLLOWED]]
-    best = min(ends, key=lambda end: end[0])[1]
-    return [best, followed(TWIN @ best)[1]]
+    return min(ends, key=lambda end: end[0])[1]
 
 
 def _in_rotations(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -> Array:

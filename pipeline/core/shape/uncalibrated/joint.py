@@ -8,6 +8,7 @@ view, and that normals are those of one surface.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,6 +100,13 @@ class Joint:
     def vectors(self) -> Array:
         """The light (L, 3) of each lamp at the object's centre."""
         return self.lights[:, :3]
+
+    def twin(self) -> Joint:
+        """Return the state that a matt surface seen from afar shows as well: convex for concave."""
+        facing = (self.normals * self.views).sum(axis=1, keepdims=True)
+        lights = self.lights.copy()
+        lights[:, :2] *= -1.0
+        return dataclasses.replace(self, normals=2.0 * facing * self.views - self.normals, lights=lights)
 
     def place(self, points: Array) -> None:
         """Take up where the surface (P, 3) is; near lights' distances count from its mean."""

@@ -117,29 +117,32 @@ def _attempts(problem: Problem) -> list[Attempt]:
 
 
 def _ends(problem: Problem, attempts: Sequence[Attempt]) -> Work[list[End]]:
-    """Return where descents end, the best first: a rough one from every start, finer ones from where that promises."""
-    total, ends = (len(attempts) + 1) * (MOST["rough"] + MOST["fine"]), list[End]()
-    for number, attempt in enumerate(attempts):
-        ends.append((yield from _rough(problem, attempt, number * MOST["rough"], total)))
+    """Return where descents end, the best first: rough ones from every start, finer ones from where that promises.
+
+    The best is tried again without highlights, and as its twin, convex for concave.
+    """
+    total, ends = (len(attempts) + 2) * (MOST["rough"] + MOST["fine"]), list[End]()
+
+    def rough(joint: Joint) -> Work[None]:
+        work = descend(joint, problem, "rough")
+        course = yield from _counted(work, "lights", len(ends) * MOST["rough"], total)
+        ends.append(End(joint, course, _dark(problem, joint)))
+
+    for attempt in attempts:
+        yield from rough((yield from begun(problem, attempt)))
     best, attempt = min(zip(ends, attempts, strict=True), key=lambda pair: pair[0].cost)
-    done = len(attempts) * MOST["rough"]
+    yield from rough(best.joint.twin())
     if "highlights" in problem.known.cues:
         matt = dataclasses.replace(attempt, known=problem.known.without("highlights"))
-        ends.append((yield from _rough(problem, matt, done, total)))
-    ends = sorted((end for end in ends if end.cost <= HOPELESS * best.cost), key=lambda end: end.cost)
-    done, total = done + MOST["rough"], len(ends) * MOST["fine"] + done + MOST["rough"]
-    fine = list[End]()
+        yield from rough((yield from begun(problem, matt)))
+    done, least = len(ends) * MOST["rough"], min(end.cost for end in ends)
+    ends = sorted((end for end in ends if end.cost <= HOPELESS * least), key=lambda end: end.cost)
+    total, fine = done + len(ends) * MOST["fine"], list[End]()
     for number, end in enumerate(ends):
         work = descend(end.joint, problem, "fine")
         course = yield from _counted(work, "lights", done + number * MOST["fine"], total)
         fine.append(End(end.joint, end.course[:-1] + course, _dark(problem, end.joint)))
     return sorted(fine, key=lambda end: end.cost)
-
-
-def _rough(problem: Problem, attempt: Attempt, done: int, total: int) -> Work[End]:
-    joint = yield from begun(problem, attempt)
-    course = yield from _counted(descend(joint, problem, "rough"), "lights", done, total)
-    return End(joint, course, _dark(problem, joint))
 
 
 def _again(problem: Problem, before: Joint) -> Work[End]:
