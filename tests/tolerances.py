@@ -139,4 +139,4 @@ FOCAL = 0.01
 BETWEEN_WALLS = 0.04
 
 # Lights and normals of a drawn bowl of 900 pixels, with shadows over much of it [degrees].
-HOLLOW = 4.0
+HOLLOW = 2.0

@@ -35,7 +35,7 @@ def lit_in_bowl(points: Array, light: Array) -> NDArray[np.bool_]:
 
 def photographed_bowl(lights: Lights, degrees: float) -> Drawn:
     """A bowl of two browns, a little glossy, drawn with its cast shadows and without light from bounce to bounce."""
-    camera = view(degrees, 48)
+    camera = view(degrees, 36)
     bowl = synthetic.bowl(camera, HALF_ANGLE)
     known = np.isfinite(bowl.depth)
     normal, points = np.nan_to_num(camera.normals_to_world(bowl.normal)), np.nan_to_num(bowl.points())
@@ -62,7 +62,6 @@ def test_a_bowl_is_no_ball() -> None:
     bowl = synthetic.bowl(given.camera, HALF_ANGLE)
     known = np.isfinite(bowl.depth)
     errors = light_errors(found.lights, lights, found.shape, None)
-    print(errors, angles_deg(found.shape.normal[known], bowl.normal[known]).mean(), found.deviation.mean())
     assert errors["light_mae_deg"] < tolerances.HOLLOW
     assert angles_deg(found.shape.normal[known], bowl.normal[known]).mean() < tolerances.HOLLOW
 
