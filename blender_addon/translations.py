@@ -186,6 +186,7 @@ GERMAN = {
     "Cues": "Hinweise",
     "Known Lights": "Bekannte Lichter",
     "Proxy": "Grobes Netz",
+    "Interreflections": "Licht zwischen Flächen",
     "Objective": "Zielfunktion",
     "Min Lit": "Wenigste Lichter",
     "Candidates": "Kandidaten",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline import cli
 from pipeline.blender.interreflections import bounced, taken_out
 from pipeline.core import images
 from pipeline.core.capture import Capture
@@ -97,6 +98,16 @@ def test_a_bowl_gets_its_depth_back(tmp_path: Path) -> None:
     assert Capture.open(without.folder).damaged() == []
     light = between_walls(given.lights.position[0], ALBEDO)
     assert np.median((given.image(0) - without.image(0))[KNOWN]) == pytest.approx(light, rel=0.15)
+
+
+def test_the_command_keeps_the_pictures_that_it_solved(tmp_path: Path) -> None:
+    given = photographed(tmp_path, lamps(6))
+    options = ["--method", "acls", "--bases", "1", "--interreflections", "1"]
+    assert cli.main(["shape", str(given.folder), "-o", str(tmp_path / "shape"), *options]) == 0
+    without = Capture.open(tmp_path / "shape" / "direct")
+    assert without.lights.position == pytest.approx(given.lights.position)
+    assert (without.image(0)[KNOWN] < given.image(0)[KNOWN]).mean() > 0.9
+    assert Shape.open(tmp_path / "shape").notes["capture"] == ".."
 
 
 def test_nothing_is_taken_from_a_ball(tmp_path: Path) -> None:

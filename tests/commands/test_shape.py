@@ -43,15 +43,23 @@ def change_lights(folder: Path, change: Callable[[int, dict[str, Any]], None]) -
     (folder / "capture.json").write_text(json.dumps(described))
 
 
-def refused(capsys: pytest.CaptureFixture[str], folder: Path, *said: str) -> None:
+def refused(capsys: pytest.CaptureFixture[str], folder: Path, *said: str, options: tuple[str, ...] = ()) -> None:
     """Assert that the command ends with status 2 and one line that says these words, and writes no shape."""
-    assert cli.main(["shape", str(folder), "-o", str(folder / "shape")]) == 2
+    assert cli.main(["shape", str(folder), "-o", str(folder / "shape"), *options]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1 and err.startswith("lightsphere: ")
     for word in said:
         assert word in err
     assert not (folder / "shape" / "shape.json").exists()
+
+
+@pytest.mark.parametrize("method", ["double-sphere", "lambertian"])
+def test_interreflections_without_a_reflectance_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], method: str
+) -> None:
+    options = ("--method", method, "--interreflections", "2")
+    refused(capsys, folder, "--interreflections", "acls or uncalibrated", options=options)
 
 
 def test_a_sound_capture_is_solved_in_silence(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
