@@ -81,6 +81,7 @@ def test_light_between_the_walls_of_a_bowl_is_that_of_a_ball() -> None:
         assert np.median(darker) > 1 + tolerances.BETWEEN_WALLS
 
 
+@pytest.mark.slow
 def test_a_bowl_gets_its_depth_back(tmp_path: Path) -> None:
     given = photographed(tmp_path, lamps(8))
     settings = ShapeSettings(method="acls", bases=1)

@@ -19,7 +19,7 @@ from .pictures import Pictures, surface_points
 
 Array = NDArray[np.float64]
 
-TOLERATED = 0.01  # share of the values that may be wrong: every shadow has a border, and the pictures' blocks a size
+TOLERATED = 0.005  # share of the values that may be wrong: every shadow has a border, and the pictures' blocks a size
 STEPS = 64  # along a ray of light over the object
 BESIDE = 1.0  # pixels that a ray of light leaves the surface by before it can meet it, and by which it must lie below
 
