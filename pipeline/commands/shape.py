@@ -66,6 +66,10 @@ def shape(
         raise LightsphereError("a mesh is taken as it is; leave --budget, --target and --dry-run out")
     if settings.interreflections and (mesh or settings.method not in WITH_REFLECTANCE):
         raise LightsphereError(f"--interreflections needs what the object reflects: {' or '.join(WITH_REFLECTANCE)}")
+    if settings.interreflections and (goal or dry_run):
+        raise LightsphereError(
+            "the cost of --interreflections is not foreseen; leave --budget, --target, --dry-run out"
+        )
     whole = Capture.open(capture)
     with Figures("shape", json) as figures:
         if goal or dry_run:

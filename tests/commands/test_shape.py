@@ -62,6 +62,11 @@ def test_interreflections_without_a_reflectance_are_refused(
     refused(capsys, folder, "--interreflections", "acls or uncalibrated", options=options)
 
 
+def test_interreflections_are_not_promised(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--method", "acls", "--interreflections", "2", "--budget", "60")
+    refused(capsys, folder, "--interreflections", "--budget", options=options)
+
+
 def test_a_sound_capture_is_solved_in_silence(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["shape", str(folder), "-o", str(folder / "shape")]) == 0
     out, err = capsys.readouterr()
