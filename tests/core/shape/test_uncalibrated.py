@@ -206,7 +206,9 @@ def test_places_and_powers_of_near_lamps_come_back() -> None:
     known = capture.mask() & np.isfinite(found.shape.normal).all(axis=-1)
     shown = picture(found.shape, found.reflectance, found.lights.position[3], found.lights.intensity[3], near=True)
     assert relative_rmse(shown, capture.image(3), known) < tolerances.UNKNOWN_PICTURE
-    page = report(Results(dataclasses.replace(capture, lights=found.lights), found.shape, found.reflectance, 1.0))
+    page = report(
+        Results("near", dataclasses.replace(capture, lights=found.lights), found.shape, found.reflectance, 1.0)
+    )
     assert "from the object" in page and f"{one['distance']:.3g} m" in page
 
 
@@ -291,7 +293,7 @@ def test_a_proxy_beside_the_object_is_told() -> None:
 def test_the_page_shows_every_light_and_what_is_open(ball: Recovered) -> None:
     doubtful = dataclasses.replace(ball.shape, notes={**ball.shape.notes, "doubts": ["the lamp <was> out"]})
     capture = dataclasses.replace(photographed(view(40, 44), lamps()), lights=ball.lights)
-    page = report(Results(capture, doubtful, ball.reflectance, 12.0))
+    page = report(Results("ball", capture, doubtful, ball.reflectance, 12.0))
     assert page.count("data:image/png") > 12 and "the lamp &lt;was&gt; out." in page
     assert page.count("<tr>") == 1 + COUNT
 
