@@ -7,7 +7,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -90,16 +89,22 @@ def shape(
             found = run_with_bar(recover(opened, settings))
         elif settings.method == "uncalibrated":
             proxy = _proxy(opened, settings, mesh_unit)
-            solve = partial(_uncalibrated, settings, proxy)
-            every, given = run_with_bar(_without_interreflections(opened, solve, settings, output))
+            every, given = run_with_bar(
+                _without_interreflections(
+                    opened, lambda one, before: uncalibrated.recover(one, settings, proxy, before), settings, output
+                )
+            )
             found, reflectance, doubts, lights = every.shape, every.reflectance, every.doubts, every.lights
             source = output / "capture"
             with_lights(opened, lights, source)
             figures.values["lights"] = found.notes["lights"]
             figures.values["light_deviation_deg"] = float(every.deviation.mean())
         else:
-            solve = partial(_photometric, settings)
-            both, given = run_with_bar(_without_interreflections(opened, solve, settings, output))
+            both, given = run_with_bar(
+                _without_interreflections(
+                    opened, lambda one, before: photometric.recover(one, settings), settings, output
+                )
+            )
             found, reflectance = both.shape, both.reflectance
         figures.values["solve_seconds"] = time.perf_counter() - start
         found.notes["settings"] = dataclasses.asdict(settings)
@@ -144,11 +149,8 @@ def shape(
     _warn_of_changes(opened)
 
 
-Solve = Callable[[Capture, Any], Work[Any]]
-
-
 def _without_interreflections(
-    capture: Capture, solve: Solve, settings: ShapeSettings, output: Path
+    capture: Capture, solve: Callable[[Capture, Any], Work[Any]], settings: ShapeSettings, output: Path
 ) -> Work[tuple[Any, Capture]]:
     """Return what is found, and the pictures in which it is."""
     if not settings.interreflections:
@@ -156,14 +158,6 @@ def _without_interreflections(
     from ..blender.interreflections import taken_out
 
     return (yield from taken_out(capture, solve, settings.interreflections, output / "direct"))
-
-
-def _uncalibrated(settings: ShapeSettings, proxy: Shape | None, capture: Capture, before: Any) -> Work[Any]:
-    return uncalibrated.recover(capture, settings, proxy, before)
-
-
-def _photometric(settings: ShapeSettings, capture: Capture, before: Any) -> Work[Any]:
-    return photometric.recover(capture, settings)
 
 
 def _proxy(capture: Capture, settings: ShapeSettings, unit: float) -> Shape | None:

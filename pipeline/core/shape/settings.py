@@ -62,8 +62,8 @@ class ShapeSettings:
     )
     cues: str = setting(
         "",
-        "what uncalibrated believes beside the pictures: some of outline, surface, strengths, highlights, commas "
-        "between; empty: all",
+        "what uncalibrated believes beside the pictures: some of outline, surface, strengths, highlights, shadows, "
+        "commas between; empty: all",
     )
     known_lights: str = setting(
         "",

@@ -14,7 +14,7 @@ from pipeline.core.compare.shapes import angles_deg, light_errors
 from pipeline.core.lights import Lights
 from pipeline.core.progress import finish
 from pipeline.core.shape.settings import ShapeSettings
-from pipeline.core.shape.uncalibrated.integrability import turn
+from pipeline.core.shape.uncalibrated.integrability import rotation
 from pipeline.core.shape.uncalibrated.pictures import Pictures
 from pipeline.core.shape.uncalibrated.recover import recover
 from pipeline.core.shape.uncalibrated.shadows import occluded
@@ -92,6 +92,6 @@ def test_a_rotation_is_found_by_the_surface_alone(body: str) -> None:
     normals = shape.normal[known].astype(np.float64)
     rays = np.concatenate([part[known] @ camera.to_world[:3, :3] for part in camera.rays()], axis=1)
     turned = Rotation.from_rotvec([0.7, -1.1, 0.4]).as_matrix()
-    found = turn(known, rays, normals @ turned.T, pinhole=True)
+    found = rotation(known, rays, normals @ turned.T, pinhole=True)
     apart = Rotation.from_matrix(found @ turned).magnitude()
     assert np.degrees(apart) < 1

@@ -81,8 +81,8 @@ class Attempt:
 def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...]]:
     """Minimise from where the state is until it settles, and return the objective every few steps.
 
-    In the rough phase normals are too wrong yet to tell of a surface. Under near lights the surface is put where the
-    normals say before every weighing. The state is weighed in the end.
+    In the rough phase normals are too wrong yet to tell of a surface; the look is a short fine phase. Under near lights
+    the surface is put where the normals say before every weighing. The state is weighed in the end.
     """
     pictures, course, steps = problem.pictures, list[float](), 0
     while len(course) < MOST[phase] and not _settled(course):

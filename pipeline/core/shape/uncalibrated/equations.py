@@ -154,6 +154,12 @@ def certainties(
 
 
 @kernel
+def squared_width(size: float, noise: float) -> float:
+    """Return the squared misfit at which a value counts half, of the size that misfits are shares of."""
+    return (WIDTH * size) ** 2 + (NOISY * noise) ** 2
+
+
+@kernel
 def certainty_of(seen: Array, foreseen: Array, usual: float, noise: float) -> tuple[float, float]:
     """Return Cauchy's weight of a value's (3,) misfit over its variance, and Cauchy's cost log(1 + (miss / width)^2).
 
@@ -162,7 +168,7 @@ def certainty_of(seen: Array, foreseen: Array, usual: float, noise: float) -> tu
     """
     size = max((seen[0] + seen[1] + seen[2]) / 3.0, usual)
     miss = (abs(seen[0] - foreseen[0]) + abs(seen[1] - foreseen[1]) + abs(seen[2] - foreseen[2])) / 3.0
-    width = (WIDTH * size) ** 2 + (NOISY * noise) ** 2
+    width = squared_width(size, noise)
     return 1.0 / (3.0 * (width + miss**2)), math.log(1.0 + miss**2 / width)
 
 

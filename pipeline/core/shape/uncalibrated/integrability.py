@@ -87,11 +87,11 @@ def _beside_a_surface(
     return left_over[:, 0], left_over[:, 1:], scatter
 
 
-def turn(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -> Array:
+def rotation(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole: bool) -> Array:
     """Return the rotation R (3, 3) for which the normals ``R n`` are nearest to those of one surface.
 
-    With the image axes x and y in units of the
-    distance, q = (x, y, -1) along the ray, N_x = n x dn/dx and N_y = n x dn/dy, a surface's normals satisfy::
+    With the image axes x and y in units of the distance, q = (x, y, -1) along the ray, N_x = n x dn/dx and
+    N_y = n x dn/dy, a surface's normals satisfy::
 
         N_x . e_x + N_y . e_y + (x N_x + y N_y) . e_z = 0
 
@@ -140,5 +140,5 @@ def _in_rotations(mask: NDArray[np.bool_], rays: Array, normals: Array, pinhole:
     by_y = np.cross(below_left, left) + np.cross(below_right, right)
     x, y = (-rays[cells, 3:5] / rays[cells, 5:]).mean(axis=1).T if pinhole else np.zeros((2, len(cells)))
     rows = np.hstack([by_x, by_y, x[:, None] * by_x + y[:, None] * by_y])
-    turn = np.linalg.norm(rows[:, :6], axis=1, keepdims=True)
-    return np.asarray(rows / np.maximum(turn + FLAT * np.median(turn), STILL))
+    change = np.linalg.norm(rows[:, :6], axis=1, keepdims=True)
+    return np.asarray(rows / np.maximum(change + FLAT * np.median(change), STILL))

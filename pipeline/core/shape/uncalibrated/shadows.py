@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from .equations import NOISY, WIDTH
+from .equations import WIDTH, squared_width
 from .joint import Joint
 from .lamps import directions, places
 from .pictures import Pictures, surface_points
@@ -34,7 +34,7 @@ def unexplained(pictures: Pictures, joint: Joint) -> float:
     dark = (pictures.usable > 0) & (pictures.lit <= 0)
     wrong = np.where(hidden, pictures.lit > 0, dark)
     foreseen = np.where(hidden, 0.0, joint.foreseen(joint.coefficients).mean(axis=2))
-    width = (WIDTH * np.maximum(pictures.gray, pictures.usual[:, None])) ** 2 + (NOISY * pictures.noise) ** 2
+    width = np.asarray(squared_width(np.maximum(pictures.gray, pictures.usual[:, None]), pictures.noise))
     cost = np.log1p((foreseen - pictures.gray)[wrong] ** 2 / width[wrong]).sum()
     return float(max(cost - TOLERATED * wrong.size * np.log1p(1 / WIDTH**2), 0.0))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .integrability import turn
+from .integrability import rotation
 from .pictures import Pictures
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def first_lights(pictures: Pictures, dome: Array) -> list[Array]:
         sets.append(lights @ _turned_to(normals, trust.sum(axis=1), dome, lights, by_dome))
         mask = pictures.mask.copy()
         mask[mask] = kept
-        turned = lights @ turn(mask, pictures.rays[kept], normals, pictures.pinhole).T
+        turned = lights @ rotation(mask, pictures.rays[kept], normals, pictures.pinhole).T
         sets.append(turned * np.sign(np.median(turned[:, 2])))
     return [mean_strength_one(one) for one in sets]
 
