@@ -63,7 +63,7 @@ class ShapeSettings:
     cues: str = setting(
         "",
         "what uncalibrated believes beside the pictures: some of outline, surface, strengths, highlights, shadows, "
-        "commas between; empty: all",
+        "albedo, commas between; empty: all",
     )
     known_lights: str = setting(
         "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .joint import Joint
 from .lamps import directions
 from .solve import Solution
 
@@ -13,6 +14,7 @@ Array = NDArray[np.float64]
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
 GUESSED, SAID_EQUAL = 5.0, 0.1  # deviation [degrees] where guesses decide the relief; scatter of strengths that fix it
+FEW_ALBEDOS = 2.0  # of a hue; fewer fix the relief
 FALLOFF = 0.3  # deviation of near lights' distances below which their falloff tells how high the relief is
 NEARER = 0.5  # share of the objective that near lights leave of distant ones' below which lamps are taken to be near
 UNSURE = 3.0  # deviation of the lights [degrees] that is worth a warning
@@ -46,10 +48,16 @@ def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
         if best.near:
             distance += np.log(lights[:, 3] / best.lights[:, 3]) ** 2
     falloff = float(np.median(np.sqrt(distance))) < FALLOFF
-    guessed = not falloff and best.scatter > SAID_EQUAL and not len(best.known.lights)
-    if guessed and (best.gloss() < MATT or _nearly_flat(direction)):
+    told = falloff or best.scatter <= SAID_EQUAL or len(best.known.lights) or _few_albedos(best)
+    if not told and (best.gloss() < MATT or _nearly_flat(direction)):
         squares += np.radians(GUESSED) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
+
+
+def _few_albedos(joint: Joint) -> bool:
+    """Return whether pixels of one hue have about one albedo, which no wrong relief leaves them."""
+    relief = joint.relief()
+    return relief is not None and relief.albedos < FEW_ALBEDOS
 
 
 def _nearly_flat(direction: Array) -> bool:
@@ -67,10 +75,10 @@ def doubts(solution: Solution, deviation: Array, distance: Array) -> tuple[str, 
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
     if joint.gloss() < MATT and not falloff:
-        words.append("there are no highlights; how high the relief is rests on outline and strengths alone")
+        words.append("there are no highlights; the relief's height rests on outline, strengths and albedos alone")
     if not joint.outline.rim.any() and not falloff:
         words.append(
-            "the object's outline is not in the picture; how high the relief is rests on strengths and highlights"
+            "the object's outline is not in the picture; the relief's height rests on strengths, highlights and albedos"
         )
     if solution.nearer < NEARER and not flat:
         words.append("the lamps seem to stand near the object; take them for near ones, --lamps near")

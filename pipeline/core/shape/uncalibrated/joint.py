@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...condition import condition
 from . import integrability
+from .albedo import Relief, least_entropy
 from .equations import certainties, eliminate, foresee, foreseen_costs, turn_normals
 from .known import Known
 from .lamps import held_apart
@@ -36,6 +37,7 @@ LIGHT = 0.01  # deviation of a known light's direction [rad]
 CORRELATED = 10.0  # values whose misfits go together: other cues weigh by so much more
 ALIKE = 100.0  # the same, for how far lights can be off: a wrong lobe is wrong over all of a highlight
 CURL_TRUST = 0.1  # of the normals' integrability: its misfits go together over the whole surface
+ALBEDO_TRUST = 0.3  # of the albedos' being few, for the same reason
 OPEN = 1.0  # scatter of strengths that are not believed to be alike
 RIDGE = 1e-9
 
@@ -101,6 +103,11 @@ class Joint:
         """The light (L, 3) of each lamp at the object's centre."""
         return self.lights[:, :3]
 
+    @property
+    def lambertian(self) -> Array:
+        """The coefficients (K, J, 3) without lobes."""
+        return np.asarray(self.coefficients * (np.arange(self.coefficients.shape[1]) == 0)[:, None])
+
     def twin(self) -> Joint:
         """Return the state that a matt surface seen from afar shows as well: convex for concave."""
         facing = (self.normals * self.views).sum(axis=1, keepdims=True)
@@ -156,11 +163,20 @@ class Joint:
         self.beside = self._known_lights()
 
     def believe_surface(self, mask: NDArray[np.bool_], rays: Array, pinhole: bool) -> None:
-        """Take up that the normals are those of one surface, linearised where they are; after :meth:`weigh`."""
-        if "surface" not in self.known.cues:
-            return
-        matrix, target = integrability.cue(mask, rays, self.normals, self.vectors, pinhole)
-        weight = np.sqrt(CURL_TRUST * self.belief)
+        """Take up that normals are those of one surface, and albedos those of few paints; after :meth:`weigh`."""
+        if "surface" in self.known.cues:
+            self._believe(CURL_TRUST, *integrability.cue(mask, rays, self.normals, self.vectors, pinhole))
+        if relief := self.relief():
+            self._believe(ALBEDO_TRUST, *relief.cue(self.vectors))
+
+    def relief(self) -> Relief | None:
+        """Return the change of the relief that leaves albedos the least entropy, where that is believed and told."""
+        if "albedo" not in self.known.cues:
+            return None
+        return least_entropy(self.weights @ self.coefficients[:, 0], self.usual, self.normals, self.views)
+
+    def _believe(self, trust: float, matrix: Array, target: Array) -> None:
+        weight = np.sqrt(trust * self.belief)
         self.beside = (np.vstack([self.beside[0], weight * matrix]), np.append(self.beside[1], weight * target))
 
     def cost(self) -> float:
@@ -207,8 +223,7 @@ class Joint:
 
         Lobes that no value reaches have no share, however large their coefficients.
         """
-        lambertian = self.coefficients * (np.arange(self.coefficients.shape[1]) == 0)[:, None]
-        everything, matt = self.foreseen(self.coefficients), self.foreseen(lambertian)
+        everything, matt = self.foreseen(self.coefficients), self.foreseen(self.lambertian)
         sure = self.certainty[..., None]
         return 1.0 - float((sure * matt).sum() / max((sure * everything).sum(), 1e-300))
 

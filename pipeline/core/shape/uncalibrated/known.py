@@ -16,7 +16,7 @@ from .. import Shape
 
 Array = NDArray[np.float64]
 
-CUES = ("outline", "surface", "strengths", "highlights", "shadows")
+CUES = ("outline", "surface", "strengths", "highlights", "shadows", "albedo")
 
 
 @dataclass(frozen=True)

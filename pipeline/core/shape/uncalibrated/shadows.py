@@ -27,15 +27,17 @@ BESIDE = 1.0  # pixels that a ray of light leaves the surface by before it can m
 def unexplained(pictures: Pictures, joint: Joint) -> float:
     """Return Cauchy's cost of values that are dark but lit by the surface found, or bright but in its cast shadow.
 
-    It counts from where it is more than borders of shadows make.
+    It counts from where it is more than borders of shadows make. What lit values lack is their Lambertian part: without
+    a highlight, a mirror is dark in the light, too.
     """
     points = surface_points(pictures, joint.normals)
     hidden = occluded(pictures, points, _towards(joint, points))
     dark = (pictures.usable > 0) & (pictures.lit <= 0)
     wrong = np.where(hidden, pictures.lit > 0, dark)
-    foreseen = np.where(hidden, 0.0, joint.foreseen(joint.coefficients).mean(axis=2))
+    matt = joint.foreseen(joint.lambertian).mean(axis=2)
+    off = np.where(hidden, pictures.gray, np.maximum(matt - pictures.gray, 0.0))
     width = np.asarray(squared_width(np.maximum(pictures.gray, pictures.usual[:, None]), pictures.noise))
-    cost = np.log1p((foreseen - pictures.gray)[wrong] ** 2 / width[wrong]).sum()
+    cost = np.log1p(off[wrong] ** 2 / width[wrong]).sum()
     return float(max(cost - TOLERATED * wrong.size * np.log1p(1 / WIDTH**2), 0.0))
 
 
