@@ -52,6 +52,9 @@ def main() -> None:
             for body in ("gourd", "bunny"):
                 for lights in (1, 2):
                     rendered(cache, Case(body, view, equal, lights, near=True))
+        for body in ("gourd", "bunny", "bowl"):
+            rendered(cache, Case(body, 20, False, 2, matt=True))
+        rendered(cache, Case("bowl", 20, False, 2))
         if chosen.data:
             for name in MEASURED:
                 for every in (1, 8):

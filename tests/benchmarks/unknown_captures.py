@@ -1,4 +1,4 @@
-"""The captures that unknown lights are measured on: two bodies of three materials, two sets of lights, some noise.
+"""The captures that unknown lights are measured on: bodies of three materials or paints, sets of lights, some noise.
 
 The lights are in the captures, for the error of those recovered; the solver does not see them.
 """
@@ -9,6 +9,7 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ SIZE = 128
 class Case:
     """One set of photographs: body, field of view [degrees], whether all lights are as strong, number of the set.
 
-    Near lights are as strong as each other in power.
+    Near lights are as strong as each other in power. A matt body has three paints instead of three materials.
     """
 
     body: str
@@ -40,11 +41,12 @@ class Case:
     equal: bool
     lights: int
     near: bool = False
+    matt: bool = False
 
     @property
     def name(self) -> str:
         strengths = "equal" if self.equal else "unequal"
-        return f"unknown-{self.body}-{self.view}-{strengths}-{self.lights}" + ("-near" if self.near else "")
+        return f"unknown-{self.body}-{self.view}-{strengths}-{self.lights}" + self.near * "-near" + self.matt * "-matt"
 
 
 def directions(seed: int) -> NDArray[np.float64]:
@@ -75,8 +77,11 @@ def _render(folder: Path, case: Case) -> None:
     from scenes import gourd
 
     loaded = scene.load("gourd")
-    if case.body == "bunny":
-        _replace_by_bunny(loaded)
+    item = next(one for one in loaded.objects if one.name.startswith("Gourd"))
+    if case.body != "gourd":
+        item = _replaced(item, loaded, {"bunny": _bunny, "bowl": _bowl}[case.body](loaded))
+    if case.matt:
+        _paint(item)
     camera = loaded.camera
     half = math.radians(case.view) / 2
     distance = 1.25 / math.sin(half)
@@ -104,14 +109,51 @@ def _render(folder: Path, case: Case) -> None:
     dataclasses.replace(found, lights=lights, checksums=("",) * len(found)).save()
 
 
-def _replace_by_bunny(loaded: object) -> None:
-    """Put a body with a head, two ears, paws and a tail in the place of the gourd."""
+def _replaced(item: Any, loaded: Any, surface: Any) -> Any:
+    """Put another body in the place of the gourd, of its materials, and return it."""
     import bpy
 
     from scenes import gourd, stage
+
+    surface = stage.centred(surface, gourd.DIAMETER)
+    made = stage.add_object(loaded, "Body", surface, item.data.materials[0])
+    stage.add_attribute(made, gourd.WEIGHTS, gourd.weights(surface.vertices))
+    bpy.data.objects.remove(item)
+    return made
+
+
+def _paint(item: Any) -> None:
+    """Give a body three paints in the places of the three materials."""
+    from scenes import gourd, stage
+
+    colours = [(0.7, 0.4, 0.2, 1.0), (0.1, 0.3, 0.1, 1.0), (0.5, 0.5, 0.5, 1.0)]
+    closures = [("ShaderNodeBsdfDiffuse", {"Color": colour}) for colour in colours]
+    item.data.materials[0] = stage.mixture("Paints", closures, gourd.WEIGHTS)
+
+
+def _bowl(loaded: Any) -> Any:
+    """Return the inside of a ball, 75 degrees from its bottom to its brim, that opens nearly towards the camera."""
+    from mathutils import Vector
+
     from scenes.surfaces import Mesh
 
-    item = next(one for one in loaded.objects if one.name.startswith("Gourd"))  # type: ignore[attr-defined]
+    down, around = np.meshgrid(np.radians(np.linspace(75, 0.1, 90)), np.linspace(0, 2 * np.pi, 181)[:-1], indexing="ij")
+    across = np.sin(down)[..., None] * np.stack([np.cos(around), np.sin(around)], axis=-1)
+    points = np.concatenate([across, -np.cos(down)[..., None]], axis=-1)
+    number = np.arange(points[..., 0].size).reshape(down.shape)
+    beside = np.roll(number, -1, axis=1)
+    faces = np.stack([number[:-1], beside[:-1], beside[1:], number[1:]], axis=-1).reshape(-1, 4)
+    opening = Vector(loaded.camera.location).normalized() + Vector((0.15, 0.0, 0.1))
+    turned = np.array(opening.to_track_quat("Z", "Y").to_matrix())
+    return Mesh(points.reshape(-1, 3) @ turned.T, faces)
+
+
+def _bunny(loaded: Any) -> Any:
+    """Return a body with a head, two ears, paws and a tail."""
+    import bpy
+
+    from scenes.surfaces import Mesh
+
     balls = bpy.data.metaballs.new("Bunny")
     balls.resolution = 0.05
     balls.threshold = 0.1
@@ -131,9 +173,9 @@ def _replace_by_bunny(loaded: object) -> None:
         element.radius = radius * 1.6
         element.size_x, element.size_y, element.size_z = stretch
     shown = bpy.data.objects.new("Bunny", balls)
-    loaded.collection.objects.link(shown)  # type: ignore[attr-defined]
-    loaded.view_layers[0].update()  # type: ignore[attr-defined]
-    mesh = shown.evaluated_get(loaded.view_layers[0].depsgraph).to_mesh()  # type: ignore[attr-defined]
+    loaded.collection.objects.link(shown)
+    loaded.view_layers[0].update()
+    mesh = shown.evaluated_get(loaded.view_layers[0].depsgraph).to_mesh()
     vertices = np.array([v.co for v in mesh.vertices], np.float64)
     faces = np.array(
         [
@@ -142,8 +184,4 @@ def _replace_by_bunny(loaded: object) -> None:
         ]
     )
     bpy.data.objects.remove(shown)
-    surface = stage.centred(Mesh(vertices, faces), gourd.DIAMETER)
-    material = item.data.materials[0]
-    made = stage.add_object(loaded, "Bunny", surface, material)  # type: ignore[arg-type]
-    stage.add_attribute(made, gourd.WEIGHTS, gourd.weights(surface.vertices))
-    bpy.data.objects.remove(item)
+    return Mesh(vertices, faces)

@@ -19,6 +19,7 @@ from .start import first_lights, towards_known
 Array = NDArray[np.float64]
 
 HOPELESS = 1.5  # times the best cost after the rough phase: such a start is given up
+PLAIN = 0.9  # of its cost, at which an end without lobes counts: broad ones also explain some of a wrong relief
 AS_GOOD = 1.1  # times the best cost: such an end is nearly as good
 BROUGHT = (0.4, 0.15)  # reach of the object over the distance that near lights have at first
 CHECKED = ("outline", "strengths", "surface")  # cues without which the lights are looked at again
@@ -68,7 +69,8 @@ class End:
     @property
     def cost(self) -> float:
         """What ends are chosen by."""
-        return self.course[-1] + self.dark
+        plain = "highlights" not in self.joint.known.cues
+        return (PLAIN if plain else 1.0) * (self.course[-1] + self.dark)
 
 
 def solve(problem: Problem, before: Joint | None = None) -> Work[Solution]:
@@ -119,7 +121,7 @@ def _attempts(problem: Problem) -> list[Attempt]:
 def _ends(problem: Problem, attempts: Sequence[Attempt]) -> Work[list[End]]:
     """Return where descents end, the best first: rough ones from every start, finer ones from where that promises.
 
-    The best is tried again without highlights, and as its twin, convex for concave.
+    The best is tried again as its twin, convex for concave, and the better of both without highlights.
     """
     total, ends = (len(attempts) + 2) * (MOST["rough"] + MOST["fine"]), list[End]()
 
@@ -133,7 +135,9 @@ def _ends(problem: Problem, attempts: Sequence[Attempt]) -> Work[list[End]]:
     best, attempt = min(zip(ends, attempts, strict=True), key=lambda pair: pair[0].cost)
     yield from rough(best.joint.twin())
     if "highlights" in problem.known.cues:
-        matt = dataclasses.replace(attempt, known=problem.known.without("highlights"))
+        best = min(ends, key=lambda end: end.cost)
+        known = problem.known.without("highlights")
+        matt = Attempt(best.joint.vectors, known, best.joint.normals, attempt.away)
         yield from rough((yield from begun(problem, matt)))
     done, least = len(ends) * MOST["rough"], min(end.cost for end in ends)
     ends = sorted((end for end in ends if end.cost <= HOPELESS * least), key=lambda end: end.cost)
