@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.core.compare.shapes import angles_deg
 from pipeline.core.shape.uncalibrated.albedo import entropy, least_entropy
 from tests import oracles, synthetic, tolerances
-from tests.core.shape.test_uncalibrated import lamps, photographed, solved, view
+from tests.core.shape.test_uncalibrated import BUT_ALBEDO, lamps, photographed, solved, view
 
 Array = NDArray[Any]
 AWAY = np.array([0.1, -0.15, 0.3])  # a bas-relief transformation's v
@@ -101,7 +101,7 @@ def test_slopes_of_the_entropy_are_those_of_its_values() -> None:
 def test_a_matt_ball_seen_from_afar_comes_back_by_its_paints_alone() -> None:
     """Neither perspective nor highlights tell its relief, and outline and strengths are believed to a few degrees."""
     capture = photographed(view(20), lamps(), gloss=0.0)
-    told, blind = solved(capture), solved(capture, cues="outline,surface,strengths,highlights,shadows")
+    told, blind = solved(capture), solved(capture, cues=BUT_ALBEDO)
     error, without = (angles_deg(one.lights.position, lamps().position).mean() for one in (told, blind))
     assert error < tolerances.UNKNOWN_LIGHTS and error < 0.3 * without
     assert error < 4 * told.deviation.mean() and told.deviation.mean() < 0.5 * blind.deviation.mean()
