@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 KERNELS = (0.2, 0.1, 0.05)  # h, one after the other
 STEPS, HALVINGS = 5, 3  # with each, at most; how often a step that does not help is halved
 FARTHEST = 0.3  # of a step
-PIXELS, FEWEST = 800, 60  # about so many are compared at most, and so many at least
+PIXELS, FEWEST = 800, 60  # so many are compared at most, and so many at least
 DARK = 0.1  # of the median albedo; what is darker is told too badly
 MATT = 0.5  # of a pixel's usual value; where its albedo is less, its light is that of lobes
 FAR = 4.5  # kernels' widths beyond which pixels do not see each other
@@ -85,7 +85,7 @@ def least_entropy(colours: Array, usual: Array, normals: Array, views: Array) ->
     kept = np.flatnonzero((bright > np.maximum(DARK * np.median(bright), MATT * usual)) & (colours > 0).all(axis=1))
     if len(kept) < FEWEST:
         return None
-    few = kept[:: max(len(kept) // PIXELS, 1)]
+    few = kept[:: -(-len(kept) // PIXELS)]
     view = views.mean(axis=0) / np.linalg.norm(views.mean(axis=0))
     logarithms, turned, change = np.log(colours[few]), normals[few] @ view, np.zeros(3)
     for width in KERNELS:
