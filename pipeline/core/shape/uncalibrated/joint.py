@@ -35,6 +35,7 @@ PROXY = 0.2  # deviation of a rough mesh's normals along each axis
 OUTLYING = 2.0  # such deviations beyond which the rim is no rim, and the mesh is wrong
 LIGHT = 0.01  # deviation of a known light's direction [rad]
 CORRELATED = 10.0  # values whose misfits go together: other cues weigh by so much more
+LEAST_BELIEF = 1e-3  # of other cues: as if no picture were explained better than to some two per mille
 ALIKE = 100.0  # the same, for how far lights can be off: a wrong lobe is wrong over all of a highlight
 CURL_TRUST = 0.1  # of the normals' integrability: its misfits go together over the whole surface
 ALBEDO_TRUST = 0.3  # of the albedos' being few, for the same reason
@@ -108,6 +109,13 @@ class Joint:
         """The coefficients (K, J, 3) without lobes."""
         return np.asarray(self.coefficients * (np.arange(self.coefficients.shape[1]) == 0)[:, None])
 
+    @property
+    def hollow(self) -> bool:
+        """Whether normals, all in all, lean inwards, where those of a dome over the mask lean outwards."""
+        dome = self.outline.dome
+        outwards = dome - (dome * self.views).sum(axis=1, keepdims=True) * self.views
+        return bool((self.normals * outwards).sum() < 0.0)
+
     def twin(self) -> Joint:
         """Return the state that a matt surface seen from afar shows as well: convex for concave."""
         facing = (self.normals * self.views).sum(axis=1, keepdims=True)
@@ -157,7 +165,7 @@ class Joint:
         )  # fmt: skip
         self.trust[:] = 0.0
         free = 3 * (self.certainty > 0).sum() - self.normals.shape[0] * (2 + self.weights.shape[1])
-        self.belief = CORRELATED * float(self._pixel_costs().sum()) / max(free, 1)
+        self.belief = max(CORRELATED * float(self._pixel_costs().sum()) / max(free, 1), LEAST_BELIEF)
         trust = self.belief / self.deviations**2 / (1.0 + (self._off() / OUTLYING) ** 2) ** 2
         self.trust[:] = np.where(self.counted, trust, 0.0)
         self.beside = self._known_lights()

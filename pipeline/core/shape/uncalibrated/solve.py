@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 HOPELESS = 1.5  # times the best cost after the rough phase: such a start is given up
 PLAIN = 0.9  # of its cost, at which an end without lobes counts: broad ones also explain some of a wrong relief
+HOLLOW = 1.1  # times its cost, at which a hollow end counts: raised bodies are more common
 AS_GOOD = 1.1  # times the best cost: such an end is nearly as good
 BROUGHT = (0.4, 0.15)  # reach of the object over the distance that near lights have at first
 CHECKED = ("outline", "strengths", "surface")  # cues without which the lights are looked at again
@@ -69,8 +70,8 @@ class End:
     @property
     def cost(self) -> float:
         """What ends are chosen by."""
-        plain = "highlights" not in self.joint.known.cues
-        return (PLAIN if plain else 1.0) * (self.course[-1] + self.dark)
+        plain = PLAIN if "highlights" not in self.joint.known.cues else 1.0
+        return plain * (HOLLOW if self.joint.hollow else 1.0) * (self.course[-1] + self.dark)
 
 
 def solve(problem: Problem, before: Joint | None = None) -> Work[Solution]:
