@@ -1,8 +1,8 @@
 """Unknown lights, and photographs that tell little of them.
 
 Why: without highlights, curvature or spread of the lights, the bas-relief ambiguity stays open (Belhumeur et al. 1999).
-Must: the run ends; the lights are found, or it says in words what is not known, or the deviation it states covers the
-error; too few photographs, and black ones, are refused.
+Must: the run ends; the lights are found, or the deviation it states covers the error, whatever it says in words; too few
+photographs, and black ones, are refused.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def outcome(condition: str, capture: drawn.Drawn, refused: bool = False) -> Outc
     told = f"lights {error:.2g} degrees off, stated {stated:.2g}" + (f"; said: {doubts}" if doubts else "")
     if refused:
         return Outcome(condition, np.inf, 0, "", told)
-    if error < FINE or doubts:
+    if error < FINE:
         return Outcome(condition, 0, 0, "", told)
     return Outcome(condition, error / max(stated, 1e-9), COVER, "error over stated", told)
 

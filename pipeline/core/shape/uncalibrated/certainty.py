@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
-GUESSED, SAID_EQUAL = 5.0, 0.1  # deviation [degrees] where guesses decide the relief; scatter of strengths that fix it
+GUESSED, OPEN = 5.0, 30.0  # deviation [degrees] where guesses decide the relief: of a matt body; under FLAT lights
+SAID_EQUAL = 0.1  # scatter of strengths that fixes the relief
 FEW_ALBEDOS = 2.0  # of a hue; fewer fix the relief
 FALLOFF = 0.3  # deviation of near lights' distances below which their falloff tells how high the relief is
 NEARER = 0.5  # share of the objective that near lights leave of distant ones' below which lamps are taken to be near
@@ -48,8 +49,10 @@ def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
         if best.near:
             distance += np.log(lights[:, 3] / best.lights[:, 3]) ** 2
     falloff = float(np.median(np.sqrt(distance))) < FALLOFF
-    told = falloff or best.scatter <= SAID_EQUAL or len(best.known.lights) or _few_albedos(best)
-    if not told and (best.gloss() < MATT or _nearly_flat(direction)):
+    told = falloff or best.scatter <= SAID_EQUAL or len(best.known.lights)
+    if not told and _nearly_flat(direction):
+        squares += np.radians(OPEN) ** 2
+    elif not told and best.gloss() < MATT and not _few_albedos(best):
         squares += np.radians(GUESSED) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
 
