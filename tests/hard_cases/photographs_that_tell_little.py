@@ -1,8 +1,8 @@
 """Unknown lights, and photographs that tell little of them.
 
 Why: without highlights, curvature or spread of the lights, the bas-relief ambiguity stays open (Belhumeur et al. 1999).
-Must: the run ends; the lights are found, or the deviation it states covers the error, whatever it says in words; too few
-photographs, and black ones, are refused.
+Must: the run ends; the lights are found, or the deviation it states covers the error, whatever it says in words; too
+few photographs, and black ones, are refused.
 """
 
 from __future__ import annotations
