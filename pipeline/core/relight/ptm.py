@@ -47,16 +47,22 @@ def fitted(lights: NDArray[np.float64], pictures: Iterable[NDArray[Any]]) -> Pol
         As they are displayed, 0 to 1.
     """
     terms = _terms(lights)
-    inverse = np.linalg.pinv(terms)
-    coefficients, square, values = np.zeros(()), 0.0, 0
-    for column, picture in zip(inverse.T, pictures, strict=True):
-        shown = WHITE * np.asarray(picture, np.float64)
-        coefficients = coefficients + np.multiply.outer(column, shown)
-        square += float((shown**2).sum())
-        values += shown.size
-    gram = terms.T @ terms
-    explained = np.einsum("ihwk,ij,jhwk->", coefficients, gram, coefficients, optimize=True)
-    return Polynomials(coefficients, float(np.sqrt(max(square - explained, 0.0) / values)))
+    count = terms.shape[1]
+    triangle, rotated = np.zeros((count, count)), [np.zeros(())] * count
+    square, values = 0.0, 0
+    # by Givens' rotations of one picture after the other: a difference of sums of squares would lose small misfits
+    for term, picture in zip(terms, pictures, strict=True):
+        row, rest = term.copy(), WHITE * np.asarray(picture, np.float64)
+        values += rest.size
+        for i in range(count):
+            if row[i] == 0.0:
+                continue
+            c, s = np.array([triangle[i, i], row[i]]) / np.hypot(triangle[i, i], row[i])
+            triangle[i], row = c * triangle[i] + s * row, c * row - s * triangle[i]
+            rotated[i], rest = c * rotated[i] + s * rest, c * rest - s * rotated[i]
+        square += float((rest**2).sum())
+    coefficients = np.tensordot(np.linalg.pinv(triangle), np.stack(np.broadcast_arrays(*rotated)), 1)
+    return Polynomials(coefficients, float(np.sqrt(square / values)))
 
 
 def write(path: Path, coefficients: NDArray[np.float64]) -> None:
