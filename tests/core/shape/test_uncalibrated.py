@@ -116,6 +116,7 @@ def test_nothing_is_doubted_that_is_known(ball: Recovered) -> None:
 
 
 def test_lights_that_the_capture_states_are_not_looked_at(ball: Recovered) -> None:
+    assert angles_deg(ball.lights.position, lamps().position).mean() < tolerances.UNKNOWN_LIGHTS
     assert angles_deg(ball.lights.position, lie().position).mean() > 10 * tolerances.UNKNOWN_LIGHTS
 
 

@@ -90,7 +90,7 @@ def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...
             joint.place(surface_points(pictures, joint.normals))
         joint.weigh()
         if phase != "rough":
-            joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
+            joint.believe(pictures.mask, pictures.rays, pictures.pinhole)
         course.append(joint.objective())
         for _ in range(REWEIGHED):
             moving = PARTS_OF_A_STEP if problem.together else PARTS_OF_A_STEP[steps % 3 : steps % 3 + 1]
@@ -98,7 +98,7 @@ def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...
             steps += 1
         yield Progress("lights", len(course), MOST[phase], "weighings")
     joint.weigh()
-    joint.believe_surface(pictures.mask, pictures.rays, pictures.pinhole)
+    joint.believe(pictures.mask, pictures.rays, pictures.pinhole)
     return (*course, joint.objective())
 
 

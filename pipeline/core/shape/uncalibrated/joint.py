@@ -170,12 +170,12 @@ class Joint:
         self.trust[:] = np.where(self.counted, trust, 0.0)
         self.beside = self._known_lights()
 
-    def believe_surface(self, mask: NDArray[np.bool_], rays: Array, pinhole: bool) -> None:
+    def believe(self, mask: NDArray[np.bool_], rays: Array, pinhole: bool) -> None:
         """Take up that normals are those of one surface, and albedos those of few paints; after :meth:`weigh`."""
         if "surface" in self.known.cues:
-            self._believe(CURL_TRUST, *integrability.cue(mask, rays, self.normals, self.vectors, pinhole))
+            self._add_beside(CURL_TRUST, *integrability.cue(mask, rays, self.normals, self.vectors, pinhole))
         if relief := self.relief():
-            self._believe(ALBEDO_TRUST, *relief.cue(self.vectors))
+            self._add_beside(ALBEDO_TRUST, *relief.cue(self.vectors))
 
     def relief(self) -> Relief | None:
         """Return the change of the relief that leaves albedos the least entropy, where that is believed and told."""
@@ -183,7 +183,7 @@ class Joint:
             return None
         return least_entropy(self.weights @ self.coefficients[:, 0], self.usual, self.normals, self.views)
 
-    def _believe(self, trust: float, matrix: Array, target: Array) -> None:
+    def _add_beside(self, trust: float, matrix: Array, target: Array) -> None:
         weight = np.sqrt(trust * self.belief)
         self.beside = (np.vstack([self.beside[0], weight * matrix]), np.append(self.beside[1], weight * target))
 
