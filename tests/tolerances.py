@@ -124,6 +124,15 @@ UNKNOWN_DISTANCES = 3.0
 # The photographs given back by lights, normals and tables, relative RMS: a table is a mean over azimuths, and at the
 # rim a lobe falls steeply.
 UNKNOWN_PICTURE = 0.08
+# The alternation, all but one kind of unknowns being true and the pictures without noise: lights end where Newton's steps
+# are rounding [degrees], normals within half the search's smallest angle, lobes where pixels that see little of them no
+# longer pull. A surface of triangles of 1/16 of a ball's radius is off by their sagitta, and more at the outline.
+TURNED_LIGHTS = 0.01
+TURNED_STRENGTHS = 1e-3
+SEARCHED_NORMALS = 0.5
+SPLIT_WIDTHS = 1e-3
+SPLIT_OWNED = 0.95
+LAID_SURFACE = 0.03
 
 # A camera's curve from four noisy 8-bit exposures, relative to the light: a broken line of 24 pieces.
 MEASURED_RESPONSE = 0.04

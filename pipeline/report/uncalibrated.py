@@ -181,17 +181,17 @@ def _materials(r: Results) -> str:
 
 
 def _course(r: Results) -> str:
-    course = r.shape.notes["objective"]
+    course, falls = r.shape.notes["objective"], r.shape.notes.get("steps", {})
     figure = Figure(figsize=(5.4, 2.6))
     axes = figure.add_subplot()
     axes.plot(np.arange(len(course)), course, "o-", color=style.ACCENT, linewidth=1.2, markersize=4)
     axes.set_yscale("log")
     axes.grid(color=style.LINE, linewidth=0.6)
-    axes.set_xlabel("steps, by five")
+    axes.set_xlabel("steps" if falls else "steps, by five")
     axes.set_ylabel("objective")
-    words = (
-        "Misfit of the pictures and of the other cues believed: "
-        + (", ".join(r.shape.notes["cues"]) or "none")
-        + ". From the middle on the normals have to be those of one surface, too."
-    )
+    words = "Misfit of the pictures and of the other cues believed: " + (", ".join(r.shape.notes["cues"]) or "none")
+    words += ". " if falls else ". From the middle on the normals have to be those of one surface, too."
+    if falls:
+        shares = (f"{step} {100 * fall / sum(falls.values()):.2g} %" for step, fall in falls.items())
+        words += f"Surface, normals, albedo, lights and materials move in turn. Of the fall: {', '.join(shares)}."
     return html.section("How it was found", html.figure(style.plot_png(figure), "", ""), html.text(words, "soft"))

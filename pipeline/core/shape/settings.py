@@ -84,7 +84,8 @@ class ShapeSettings:
         "joint",
         "joint: one reflectance function fitted to both surfaces with the depth as an unknown; "
         "source: the squared differences of Magda et al. 2001, equation 5, ten candidates and a local search; of "
-        "uncalibrated, joint moves all unknowns at once, source pixels, lights and bases in turn",
+        "uncalibrated, joint moves all unknowns at once, source surface, normals, albedo, lights and Torrance-Sparrow "
+        "lobes in turn",
         choices=OBJECTIVES,
     )
     min_lit: int = setting(12, "fewest lit lights with which a pixel is recovered", unit="lights", low=6, high=1000)

@@ -14,7 +14,7 @@ from ...progress import Progress, Work, retold
 from ..photometric.sight import Sight
 from ..photometric.start import begin, clusters
 from . import lobes
-from .joint import PARTS_OF_A_STEP, Joint
+from .joint import Joint
 from .known import Known
 from .outline import Outline
 from .pictures import Pictures, surface_points
@@ -44,8 +44,6 @@ class Problem:
         Normals of a rough mesh, NaN where not known.
     near : bool
         Whether lights stand so near that the object's points see them in other directions.
-    together : bool
-        Whether all unknowns move at once, or pixels, lights and bases in turn.
     """
 
     pictures: Pictures
@@ -55,7 +53,6 @@ class Problem:
     known: Known
     proxy: Array
     near: bool
-    together: bool
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,7 @@ def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...
     In the rough phase normals are too wrong yet to tell of a surface; the look is a short fine phase. Under near lights
     the surface is put where the normals say before every weighing. The state is weighed in the end.
     """
-    pictures, course, steps = problem.pictures, list[float](), 0
+    pictures, course = problem.pictures, list[float]()
     while len(course) < MOST[phase] and not _settled(course):
         if joint.near:
             joint.place(surface_points(pictures, joint.normals))
@@ -93,9 +90,7 @@ def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...
             joint.believe(pictures.mask, pictures.rays, pictures.pinhole)
         course.append(joint.objective())
         for _ in range(REWEIGHED):
-            moving = PARTS_OF_A_STEP if problem.together else PARTS_OF_A_STEP[steps % 3 : steps % 3 + 1]
-            joint.step(frozenset(moving))
-            steps += 1
+            joint.step()
         yield Progress("lights", len(course), MOST[phase], "weighings")
     joint.weigh()
     joint.believe(pictures.mask, pictures.rays, pictures.pinhole)

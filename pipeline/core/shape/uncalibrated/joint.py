@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 
 DAMPING = (1e-2, 1e-5)  # first, and least
 CALMER, BOLDER = 6.0, 0.25  # the damping's change after a step that failed, or did not
-PARTS_OF_A_STEP = ("pixels", "lights", "bases")
 PARTS = 4  # of the pixels that are summed by themselves
 HELD = 6  # times that coefficients are held at zero anew in a step
 RIM_ALONG, RIM_ACROSS = 0.1, 0.15  # deviations of a rim's normal from the outline's, and from the dome's slant
@@ -199,19 +198,12 @@ class Joint:
         cues = self.belief * (off / (1.0 + off / OUTLYING**2)).sum()
         return float(self.misfit.sum() + cues + self._strengths()[0] + (beside**2).sum())
 
-    def step(self, parts: frozenset[str] = frozenset(PARTS_OF_A_STEP)) -> bool:
-        """Go a step down in some of :data:`PARTS_OF_A_STEP`, or become calmer; return whether it went."""
+    def step(self) -> bool:
+        """Go a step down, or become calmer; return whether it went."""
         before = (self.normals, self.weights, self.lights, self.coefficients, self.cost())
         system, right, factors, reduced, pixels_right = self._equations()
-        lights, shared = self.lights.size, np.zeros(len(right))
-        moved = np.repeat(["lights" in parts, "bases" in parts], [lights, len(right) - lights])
-        if "pixels" in parts:  # they follow what is shared
-            flat = reduced.reshape(-1, len(right))
-            system, right = system - flat.T @ flat, right - flat.T @ pixels_right.ravel()
-        else:
-            pixels_right, reduced = np.zeros_like(pixels_right), np.zeros_like(reduced)
-        if moved.any():
-            shared = self._solved(system, right, ~moved)
+        flat, lights = reduced.reshape(-1, len(right)), self.lights.size  # pixels follow what is shared
+        shared = self._solved(system - flat.T @ flat, right - flat.T @ pixels_right.ravel())
         own = pixels_right - np.einsum("pig,g->pi", reduced, shared)
         own = np.linalg.solve(np.tril(factors).swapaxes(1, 2), own[..., None])[..., 0]
         self.normals = self.normals.copy()
@@ -281,12 +273,12 @@ class Joint:
         matrix[np.diag_indices(total)] += self.damping * diagonal + RIDGE * diagonal.max()
         return matrix, vector, factors, reduced, right
 
-    def _solved(self, system: Array, right: Array, still: NDArray[np.bool_]) -> Array:
-        """Return the step of the shared unknowns but those that stand still; coefficients do not step below zero."""
+    def _solved(self, system: Array, right: Array) -> Array:
+        """Return the step of the shared unknowns; coefficients do not step below zero."""
         lights = self.lights.size
         now = self.coefficients.ravel()
-        held = still.copy()
-        held[lights:] |= ((now <= 0) & (right[lights:] <= 0)) | self.never.ravel()
+        held = np.zeros(len(right), bool)
+        held[lights:] = ((now <= 0) & (right[lights:] <= 0)) | self.never.ravel()
         step = np.zeros(len(right))
         for _ in range(HELD):
             free = ~held

@@ -9,6 +9,7 @@ closure of Cycles. Not modelled: the Fresnel factor's rise towards grazing light
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ COUNT = 1 + len(ALPHAS)
 LEAST_FACING = 0.02  # cosine of view and normal; what is steeper is taken for this steep
 NODES = (64, 13)  # of the tables given out
 AZIMUTHS = 32  # of wi about h that a table's node is the mean of
+
+Functions = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 _ALPHAS = np.array(ALPHAS)
 
@@ -54,17 +57,22 @@ def lobes(
 
 
 def tables(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return bases (K, J, S) as bivariate tables (TH, TD, K, S) [1/sr], the mean over the azimuth of wi about h.
+    """Return bases (K, J, S) as bivariate tables (TH, TD, K, S) [1/sr]."""
+    return np.ascontiguousarray(np.einsum("hdj,kjs->hdks", at_nodes(evaluated), coefficients))
 
-    Pairs of directions below the surface count as those at :data:`LEAST_FACING` above it.
+
+def at_nodes(functions: Functions) -> NDArray[np.float64]:
+    """Return functions of three cosines (N,) -> (N, J) at the nodes of bivariate tables, (TH, TD, J).
+
+    They are the mean over the azimuth of wi about h. Pairs of directions below the surface count as those at
+    :data:`LEAST_FACING` above it.
     """
     theta_h, theta_d = half_angles(NODES[0])[:, None, None], difference_angles(NODES[1])[None, :, None]
     phi = 2 * np.pi * (np.arange(AZIMUTHS) + 0.5) / AZIMUTHS
     along, across = np.cos(theta_d) * np.cos(theta_h), np.sin(theta_d) * np.sin(theta_h) * np.cos(phi)
     cosines = np.broadcast_arrays(np.cos(theta_h), along - across, along + across)
     cos_h, cos_i, cos_o = (np.maximum(c, LEAST_FACING).ravel() for c in cosines)
-    values = evaluated(cos_h, cos_i, cos_o).reshape(*NODES, AZIMUTHS, COUNT).mean(axis=2)
-    return np.ascontiguousarray(np.einsum("hdj,kjs->hdks", values, coefficients))
+    return np.asarray(functions(cos_h, cos_i, cos_o).reshape(*NODES, AZIMUTHS, -1).mean(axis=2))
 
 
 def evaluated(

@@ -1,14 +1,16 @@
 """Shape, reflectance and lights of a capture whose lights are not known.
 
-The lights and the bases come from the pictures reduced to a few thousand pixels (:mod:`.solve`); then every pixel is
-fitted to them by itself, and the surface integrated. Lights are distant, or near points whose places and powers are
-found. The brightness of all lights together is open: it is set so that bright pixels get the albedo
-:data:`BRIGHT_ALBEDO`. So is the size of all: of a pinhole camera's pictures the object and the lights' distances.
+The lights and the bases come from the pictures reduced to a few thousand pixels (:mod:`.solve`, or :mod:`.source`);
+then every pixel is fitted to them by itself, and the surface integrated. Lights are distant, or near points whose
+places and powers are found. The brightness of all lights together is open: it is set so that bright pixels get the
+albedo :data:`BRIGHT_ALBEDO`. So is the size of all: of a pinhole camera's pictures the object and the lights'
+distances.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +31,7 @@ from ..settings import STRENGTHS, ShapeSettings
 from . import lobes
 from .certainty import deviations, doubts
 from .descent import Problem
+from .found import Found
 from .joint import Joint
 from .known import known
 from .lamps import directions, places
@@ -36,6 +39,8 @@ from .outline import outline
 from .pictures import Pictures, blocks, pictures_of, reduced
 from .scales import Scale, every_pixel
 from .solve import solve
+from .source.recover import alternated
+from .source.state import State
 
 Array = NDArray[np.float64]
 
@@ -49,10 +54,10 @@ BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 class Recovered:
     """Shape, reflectance, and the lights in the world with their standard deviations (L,) [degrees].
 
-    ``joint`` is the solution of the coarse pictures, from which another can begin.
+    ``end`` is the solution of the coarse pictures, from which another can begin.
     """
 
-    joint: Joint
+    end: Joint | State
     shape: Shape
     reflectance: Bivariate
     lights: Lights
@@ -78,8 +83,8 @@ def recover(
     Raises
     ------
     LightsphereError
-        For fewer than six photographs, too small an object, pictures without anything to start from, or a file of
-        known lights that is none.
+        For fewer than six photographs, too small an object, pictures without anything to start from, a file of
+        known lights that is none, or near lamps with the source's objective.
     """
     if len(capture) < FEWEST:
         raise LightsphereError(
@@ -105,59 +110,72 @@ def recover(
         known=told,
         proxy=_proxy_of_blocks(told.normals, scales[0]),
         near=settings.lamps == "near",
-        together=settings.objective == "joint",
     )
-    solution = yield from solve(problem, None if before is None else before.joint)
-    joint = solution.joint
-    fitted = yield from every_pixel(scales, joint)
-    normals, weights = fitted.normals, fitted.weights
-    bright = float(np.quantile(everything.usual, BRIGHT)) * unit / BRIGHT_ALBEDO
-    scaled = joint.coefficients * unit / (np.pi * bright)
-    covariance, conditioned = joint.light_covariance()
-    unsure = deviations(solution, covariance)
-    left_open = doubts(solution, *unsure)
-    misfit = fitted.misfit / (1.0 + fitted.misfit)
-    confidence = (1.0 - misfit) / (1.0 + fitted.deviation / USUAL_DEVIATION)
-    layers = {"misfit": misfit, "normal_deviation": np.degrees(fitted.deviation)}
-    shape = surface(capture, mask, normals, confidence, None, layers)
+    solver = alternated if settings.objective == "source" else _solved
+    found = yield from solver(problem, scales, None if before is None else before.end)
+    bright = np.pi * float(np.quantile(everything.usual, BRIGHT)) * unit / BRIGHT_ALBEDO
+    misfit = found.misfit / (1.0 + found.misfit)
+    confidence = (1.0 - misfit) / (1.0 + found.normal_deviation / USUAL_DEVIATION)
+    layers = {"misfit": misfit, "normal_deviation": np.degrees(found.normal_deviation)}
+    shape = surface(capture, mask, found.normals, confidence, None, layers)
     if proxy is not None:
         shape = dataclasses.replace(shape.levelled(proxy.depth), notes={"level": "of the proxy"})
-    lights = _in_the_world(joint, everything, fitted.offsets, shape, np.pi * bright * colours)
-    notes = {
-        "lights": _described(lights, shape, unsure),
-        "doubts": list(left_open),
-        "costs": list(solution.costs),
-        "objective": list(solution.course),
-        "cues": sorted(joint.known.cues),
-        "condition": {"lights and bases": noted(np.array([conditioned]))},
-    }
-    shape = dataclasses.replace(shape, notes={**shape.notes, **notes})
-    lit = dataclasses.replace(sight, lights=places(joint.lights), near=joint.near, points=fitted.offsets)
-    reflectance = _reflectance(mask, lit, everything, normals, weights, scaled, misfit)
-    return Recovered(joint, shape, reflectance, lights, unsure[0], left_open)
+    lights = _in_the_world(found, everything, shape, bright * colours)
+    said = {"lights": _described(lights, shape, found.deviations), "doubts": list(found.doubts)}
+    shape = dataclasses.replace(shape, notes={**shape.notes, **said, **found.notes})
+    lit = dataclasses.replace(sight, lights=places(found.lights), near=problem.near, points=found.offsets)
+    scaled = dataclasses.replace(found, table=found.table * unit / bright)
+    reflectance = _reflectance(mask, lit, everything, scaled, misfit)
+    return Recovered(found.end, shape, reflectance, lights, found.deviations[0], found.doubts)
 
 
-def _in_the_world(joint: Joint, pictures: Pictures, offsets: Array, shape: Shape, unit: Array) -> Lights:
+def _solved(problem: Problem, scales: Sequence[Scale], before: Joint | State | None) -> Work[Found]:
+    """Return what is found where all unknowns move at once."""
+    solution = yield from solve(problem, before if isinstance(before, Joint) else None)
+    joint = solution.joint
+    fitted = yield from every_pixel(scales, joint)
+    covariance, conditioned = joint.light_covariance()
+    unsure = deviations(solution, covariance)
+    return Found(
+        end=joint,
+        lights=joint.lights,
+        centre=joint.centre,
+        offsets=fitted.offsets,
+        normals=fitted.normals,
+        weights=fitted.weights[..., None],
+        table=lobes.tables(joint.coefficients),
+        misfit=fitted.misfit,
+        normal_deviation=fitted.deviation,
+        deviations=unsure,
+        doubts=doubts(solution, *unsure),
+        notes={
+            "costs": list(solution.costs),
+            "objective": list(solution.course),
+            "cues": sorted(joint.known.cues),
+            "condition": {"lights and bases": noted(np.array([conditioned]))},
+        },
+    )
+
+
+def _in_the_world(found: Found, pictures: Pictures, shape: Shape, unit: Array) -> Lights:
     """Return the lights where they are to the surface as it was put in the end.
 
     Parameters
     ----------
-    joint : Joint
+    found : Found
     pictures : Pictures
         Of the shape's P pixels.
-    offsets : (P, 3) float64
-        Of the surface that near lights were found with.
     shape : Shape
     unit : (L, 3) float64
         Irradiance that a strength of one stands for [W/m^2].
     """
-    camera, strength = shape.camera, np.linalg.norm(joint.vectors, axis=1, keepdims=True)
+    camera, strength = shape.camera, np.linalg.norm(found.lights[:, :3], axis=1, keepdims=True)
     to_world, surfaces = camera.to_world[:3, :3], np.full(len(strength), SURFACES.index(""))
-    if not joint.near:
-        return Lights("distant", directions(joint.lights) @ to_world.T, strength * unit, surfaces)
-    place = (joint.centre + places(joint.lights)) @ to_world.T + camera.to_world[:3, 3]
-    there = Lights("near", place, strength / joint.lights[:, 3:] ** 2 * unit, surfaces)
-    then = ((joint.centre + offsets - pictures.rays[:, :3]) * pictures.rays[:, 3:]).sum(axis=1)
+    if found.lights.shape[1] == 3:
+        return Lights("distant", directions(found.lights) @ to_world.T, strength * unit, surfaces)
+    place = (found.centre + places(found.lights)) @ to_world.T + camera.to_world[:3, 3]
+    there = Lights("near", place, strength / found.lights[:, 3:] ** 2 * unit, surfaces)
+    then = ((found.centre + found.offsets - pictures.rays[:, :3]) * pictures.rays[:, 3:]).sum(axis=1)
     return level.lights_at(camera, there, level.change(camera, then, shape.depth[pictures.mask]))
 
 
@@ -222,17 +240,14 @@ def _light_colours(sight: Sight) -> Array:
     return np.asarray(colours / colours.mean(axis=1, keepdims=True))
 
 
-def _reflectance(
-    mask: NDArray[np.bool_], sight: Sight, full: Pictures, normals: Array, weights: Array, coefficients: Array,
-    misfit: Array,
-) -> Bivariate:  # fmt: skip
+def _reflectance(mask: NDArray[np.bool_], sight: Sight, full: Pictures, found: Found, misfit: Array) -> Bivariate:
     """Return bases as tables, weight maps, and where values reached the tables."""
-    table = lobes.tables(coefficients)
+    table, weights = found.table, found.weights
     certainty = (full.lit > 0).astype(np.float32)
-    band = gather(sight, certainty, normals, weights[..., None], table.shape).band
+    band = gather(sight, certainty, found.normals, weights, table.shape).band
     seen = band[:, 0].reshape(table.shape[:3])
-    maps = np.full((*mask.shape, weights.shape[1], 1), np.nan, np.float32)
-    maps[mask] = weights[..., None]
+    maps = np.full((*mask.shape, *weights.shape[1:]), np.nan, np.float32)
+    maps[mask] = weights
     error = np.full(mask.shape, np.nan, np.float32)
     error[mask] = misfit
     notes = {"bases": table.shape[2], "nodes_seen": float((seen > 0).mean())}

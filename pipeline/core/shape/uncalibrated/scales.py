@@ -91,7 +91,7 @@ def every_pixel(scales: Sequence[Scale], joint: Joint) -> Work[Fitted]:
     )
     done = 2 * len(own[0])
     for scale in scales[1:]:
-        expected, offsets = _unit(_finer(now, scale, found.both)), _finer(scales[0], scale, joint.offsets)
+        expected, offsets = _unit(finer(now, scale, found.both)), finer(scales[0], scale, joint.offsets)
         start, views = _parts(expected), scale.pictures.views
         sight = Sight(
             scale.pictures.values.astype(np.float32), scale.pictures.lit.astype(np.float32), places(joint.lights),
@@ -167,7 +167,7 @@ def _surroundings(mask: NDArray[np.bool_], found: Fitted) -> Array:
     return _unit(np.where(alone[:, None], both, mean))
 
 
-def _finer(coarse: Scale, fine: Scale, values: Array) -> Array:
+def finer(coarse: Scale, fine: Scale, values: Array) -> Array:
     """Return values (P, N) of a coarse scale at the places of a finer one."""
     nearest = distance_transform_edt(~coarse.pictures.mask, return_distances=False, return_indices=True)
     place = (np.argwhere(fine.pictures.mask) + 0.5) * fine.side / coarse.side - 0.5

@@ -72,11 +72,11 @@ def factorise(values: Array, lit: NDArray[np.bool_]) -> tuple[Array, Array, Arra
     weight = lit.astype(np.float64)
     for done in range(ROUNDS):
         width = WIDTHS[0] * (WIDTHS[1] / WIDTHS[0]) ** min(done / (0.6 * ROUNDS), 1.0)
-        pixels = _solved(weight, lights, values)
+        pixels = rows(weight, lights, values)
         weight = lit / (1.0 + ((values - pixels @ lights.T) / width) ** 2) ** 2
-        lights = _solved(weight.T, pixels, values.T)
+        lights = rows(weight.T, pixels, values.T)
         lights = np.linalg.svd(lights, full_matrices=False)[0] * np.sqrt(count / 3)
-    return lights, _solved(weight, lights, values), weight
+    return lights, rows(weight, lights, values), weight
 
 
 def fitted_to(values: Array, lit: NDArray[np.bool_], normals: Array) -> Array:
@@ -84,7 +84,7 @@ def fitted_to(values: Array, lit: NDArray[np.bool_], normals: Array) -> Array:
     albedo, weight = np.ones(len(normals)), lit.astype(np.float64)
     lights = np.zeros((lit.shape[1], 3))
     for _ in range(DOME_ROUNDS):
-        lights = _solved(weight.T, normals * albedo[:, None], values.T)
+        lights = rows(weight.T, normals * albedo[:, None], values.T)
         lit_by = np.maximum(normals @ lights.T, 0.0)
         albedo = (weight * lit_by * values).sum(axis=1) / np.maximum((weight * lit_by**2).sum(axis=1), RIDGE)
         albedo = np.clip(albedo, *ALBEDOS)
@@ -134,7 +134,7 @@ def _procrustes(start: Array, end: Array) -> Array:
     return np.asarray(left @ right)
 
 
-def _solved(weight: Array, known: Array, values: Array) -> Array:
+def rows(weight: Array, known: Array, values: Array) -> Array:
     """Return the rows x (N, 3) that minimise sum_m weight_nm (values_nm - known_m . x_n)^2."""
     system = np.einsum("nm,mi,mj->nij", weight, known, known, optimize=True)
     system += RIDGE * np.maximum(np.trace(system, axis1=1, axis2=2), 1.0)[:, None, None] * np.eye(3)
