@@ -124,9 +124,9 @@ UNKNOWN_DISTANCES = 3.0
 # The photographs given back by lights, normals and tables, relative RMS: a table is a mean over azimuths, and at the
 # rim a lobe falls steeply.
 UNKNOWN_PICTURE = 0.08
-# The alternation, all but one kind of unknowns being true and the pictures without noise: lights end where Newton's steps
-# are rounding [degrees], normals within half the search's smallest angle, lobes where pixels that see little of them no
-# longer pull. A surface of triangles of 1/16 of a ball's radius is off by their sagitta, and more at the outline.
+# The alternation, all but one kind of unknowns being true and the pictures without noise: lights end where Newton's
+# steps are rounding [degrees], normals within half the search's smallest angle, lobes where pixels that see little of
+# them no longer pull. A surface of triangles of 1/16 of a ball is off by its sagitta, most at the outline.
 TURNED_LIGHTS = 0.01
 TURNED_STRENGTHS = 1e-3
 SEARCHED_NORMALS = 0.5

@@ -55,6 +55,8 @@ def main() -> None:
         for body in ("gourd", "bunny", "bowl"):
             rendered(cache, Case(body, 20, False, 2, matt=True))
         rendered(cache, Case("bowl", 20, False, 2))
+        for view, equal in BARS:
+            rendered(cache, Case("gourd", view, equal, 1), "source")
         if chosen.data:
             for name in MEASURED:
                 for every in (1, 8):
@@ -63,30 +65,31 @@ def main() -> None:
                 predicted(cache, chosen.data / "mit_lab" / name)
 
 
-def rendered(cache: Path, case: Case) -> None:
+def rendered(cache: Path, case: Case, objective: str = "joint") -> None:
     """Recover one rendered case and print its row."""
     whole = made(cache, case)
     folder = cache / f"{case.name}-given"
     if not (folder / "capture.json").is_file():
         captures.without(whole, np.arange(COUNT, len(whole)), folder)
-    out = cache / f"{case.name}-shape"
-    found = recovered(folder, out, "equal" if case.equal else "similar", "near" if case.near else "distant")
+    name = case.name if objective == "joint" else f"{case.name}-{objective}"
+    out = cache / f"{name}-shape"
+    options = ("--strengths", "equal" if case.equal else "similar", "--lamps", "near" if case.near else "distant")
+    found = recovered(folder, out, *options, "--objective", objective)
     light, normal = BARS[case.view, case.equal]
     error = max(new_light(whole, out, number) for number in range(COUNT, len(whole)))
     far = "".join(f" {name} {found[name]:.2f}" for name in ("light_distance_pct", "light_power_pct") if name in found)
     print(
-        f"{case.name:32} {found['light_mae_deg']:5.2f} ({light:3.1f}) {found['light_deviation_deg']:7.2f} "
+        f"{name:32} {found['light_mae_deg']:5.2f} ({light:3.1f}) {found['light_deviation_deg']:7.2f} "
         f"{found['normal_mae_deg']:7.2f} ({normal:3.1f}) {found['normal_median_deg']:7.2f} "
         f"{error:10.3f} ({PICTURE:.2f}) {found['seconds']:8.1f}{far}",
         flush=True,
     )
 
 
-def recovered(capture: Path, out: Path, strengths: str, lamps: str) -> dict[str, Any]:
+def recovered(capture: Path, out: Path, *options: str) -> dict[str, Any]:
     """Return the figures of the command."""
     figures = out.with_suffix(".json")
-    options = ("--method", "uncalibrated", "--strengths", strengths, "--lamps", lamps, "--json", figures)
-    captures.command("shape", capture, "-o", out, *options)
+    captures.command("shape", capture, "-o", out, "--method", "uncalibrated", "--json", figures, *options)
     values: dict[str, Any] = json.loads(figures.read_text(encoding="utf-8"))
     return values
 
@@ -121,7 +124,7 @@ def measured(cache: Path, photographs: Path, every: int) -> None:
     if not (folder / "capture.json").is_file():
         row = np.arange(len(whole) // every)
         captures.without(whole, np.setdiff1d(np.arange(len(whole)), every * row + 3 * row % every), folder)
-    found = recovered(folder, cache / f"{folder.name}-shape", "similar", "distant")
+    found = recovered(folder, cache / f"{folder.name}-shape")
     print(
         f"{photographs.name} {len(Capture.open(folder)):3} photographs: lights {found['light_mae_deg']:.2f}, normals "
         f"{found['normal_mae_deg']:.2f} ({MEASURED[photographs.name]:g}) degrees, {found['seconds']:.0f} s",
@@ -141,7 +144,7 @@ def predicted(cache: Path, photographs: Path) -> None:
     whole, part = Capture.open(folder), cache / f"{photographs.name}-given"
     if not (part / "capture.json").is_file():
         captures.without(whole, np.array([LEFT_OUT]), part)
-    found = recovered(part, out, "similar", "distant")
+    found = recovered(part, out)
     shape, reflectance, given = Shape.open(out), Bivariate.open(out / "reflectance"), Capture.open(out / "capture")
     true, known = whole.image(LEFT_OUT).astype(np.float64), whole.mask() & (shape.confidence > 0)
 

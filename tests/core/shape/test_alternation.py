@@ -1,4 +1,4 @@
-"""The source's alternation: its sum falls with every step, and each step finds what it looks for where the rest is true."""
+"""The source's alternation: no step raises its sum, and each finds what it looks for where all else is true."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 SHADOWED = 0.1  # of a pixel's 90th percentile; below it a light is taken for shadowed
 USUAL = 0.6  # quantile of the lit values that is a pixel's usual one
+BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8  # quantile of the pixels' usual values, and the albedo that it is taken for
 #: Takes off every plane; its coefficients' squares add up to 36 (Immerkaer 1996).
 DIFFERENCE = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
@@ -82,6 +83,11 @@ class Pictures:
         seen.sort(axis=1)  # quicker than numpy's quantile of rows with gaps
         low, high = (np.take_along_axis(seen, end(place).astype(np.int64), axis=1) for end in (np.floor, np.ceil))
         return np.asarray(low + (place - np.floor(place)) * (high - low))[:, 0]
+
+    @property
+    def white(self) -> float:
+        """What a white surface usually shows; the pictures leave it open."""
+        return float(np.quantile(self.usual, BRIGHT)) / BRIGHT_ALBEDO
 
 
 def surface_points(pictures: Pictures, normals: Array) -> Array:

@@ -3,7 +3,7 @@
 The lights and the bases come from the pictures reduced to a few thousand pixels (:mod:`.solve`, or :mod:`.source`);
 then every pixel is fitted to them by itself, and the surface integrated. Lights are distant, or near points whose
 places and powers are found. The brightness of all lights together is open: it is set so that bright pixels get the
-albedo :data:`BRIGHT_ALBEDO`. So is the size of all: of a pinhole camera's pictures the object and the lights'
+albedo :data:`.pictures.BRIGHT_ALBEDO`. So is the size of all: of a pinhole camera's pictures the object and the lights'
 distances.
 """
 
@@ -47,7 +47,6 @@ Array = NDArray[np.float64]
 FEWEST = 6  # photographs that tell lights and normals apart
 PIXELS, USUAL_COUNT = 1800, 12  # about so many are solved together with the lights of so many photographs
 FEW_PIXELS = 60
-BRIGHT, BRIGHT_ALBEDO = 0.95, 0.8
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ def recover(
     )
     solver = alternated if settings.objective == "source" else _solved
     found = yield from solver(problem, scales, None if before is None else before.end)
-    bright = np.pi * float(np.quantile(everything.usual, BRIGHT)) * unit / BRIGHT_ALBEDO
+    bright = np.pi * everything.white * unit
     misfit = found.misfit / (1.0 + found.misfit)
     confidence = (1.0 - misfit) / (1.0 + found.normal_deviation / USUAL_DEVIATION)
     layers = {"misfit": misfit, "normal_deviation": np.degrees(found.normal_deviation)}

@@ -29,7 +29,10 @@ def albedo(state: State) -> None:
 
 
 def project(state: State) -> None:
-    """Find albedo and weights of every pixel by non-negative least squares, one unknown after the other."""
+    """Find albedo and weights of every pixel by non-negative least squares, one unknown after the other.
+
+    No lobe returns more light than a white surface: seen from above that is 2 pi sigma^2 times weight and tint.
+    """
     sure, (matt, gloss), tints = state.certainty(), state.parts(), state.tints
     values, count = state.pictures.values, 3 + len(tints)
     system, right = np.zeros((len(matt), count, count)), np.empty((len(matt), count))
@@ -42,14 +45,18 @@ def project(state: State) -> None:
     right[:, :3] = np.einsum("pl,pl,plc->pc", sure, matt, values, optimize=True)
     right[:, 3:] = np.einsum("pl,plk,plc,kc->pk", sure, gloss, values, tints, optimize=True)
     found = np.concatenate([state.albedo, state.weights], axis=1)
+    lobes = 2.0 * state.widths**2 * tints.max(axis=1, initial=0.0)
+    most = np.append(np.full(3, np.inf), state.pictures.white / np.maximum(lobes, TINY))
     for _ in range(SWEEPS):
         for n in range(count):
             diagonal = system[:, n, n]
             other = np.einsum("pm,pm->p", system[:, n], found) - diagonal * found[:, n]
-            found[:, n] = np.where(
-                diagonal > TINY, np.maximum((right[:, n] - other) / np.maximum(diagonal, TINY), 0.0), found[:, n]
-            )
+            best = np.clip((right[:, n] - other) / np.maximum(diagonal, TINY), 0.0, most[n])
+            found[:, n] = np.where(diagonal > TINY, best, found[:, n])
+    before = state.albedo, state.weights, state.cost()
     state.albedo, state.weights = np.ascontiguousarray(found[:, :3]), np.ascontiguousarray(found[:, 3:])
+    if state.cost() > before[2]:
+        state.albedo, state.weights = before[:2]
 
 
 def fit(state: State) -> None:
