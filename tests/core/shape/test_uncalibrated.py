@@ -20,9 +20,12 @@ from pipeline.core.progress import finish
 from pipeline.core.reflectance.picture import picture
 from pipeline.core.shape.settings import ShapeSettings
 from pipeline.core.shape.uncalibrated import equations, integrability, lobes
+from pipeline.core.shape.uncalibrated.certainty import deviations, doubts
+from pipeline.core.shape.uncalibrated.joint import Joint
 from pipeline.core.shape.uncalibrated.lamps import arriving, held_apart, places
 from pipeline.core.shape.uncalibrated.outline import outline
 from pipeline.core.shape.uncalibrated.recover import Recovered, recover
+from pipeline.core.shape.uncalibrated.solve import Solution
 from pipeline.core.shape.uncalibrated.start import equally_strong, mean_strength_one, towards_known
 from pipeline.report.uncalibrated import Results, report
 from tests import oracles, synthetic, tolerances
@@ -113,6 +116,21 @@ def test_lights_and_normals_come_back(ball: Recovered) -> None:
 
 def test_nothing_is_doubted_that_is_known(ball: Recovered) -> None:
     assert not ball.doubts
+
+
+def test_photographs_that_are_not_explained_are_told(ball: Recovered) -> None:
+    joint = ball.end
+    assert isinstance(joint, Joint)
+    solution = Solution(joint, (1.0,), [], (1.0,), 1.0)
+    covariance = np.zeros((COUNT, 3, COUNT, 3))
+    before = deviations(solution, covariance)
+    assert not doubts(solution, *before)
+    bad = dataclasses.replace(joint)
+    bad.certainty, bad.misfit, bad.belief = joint.certainty, np.full_like(joint.misfit, 1.0), joint.belief
+    solution = dataclasses.replace(solution, joint=bad)
+    after = deviations(solution, covariance)
+    assert any("does not explain" in words for words in doubts(solution, *after))
+    assert after[0].min() > 10 * max(before[0].max(), 1.0)
 
 
 def test_lights_that_the_capture_states_are_not_looked_at(ball: Recovered) -> None:

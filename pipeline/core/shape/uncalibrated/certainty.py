@@ -12,8 +12,12 @@ from .solve import Solution
 Array = NDArray[np.float64]
 
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
-MATT = 0.03  # share of gloss in the light of the pictures below which there is no highlight to speak of
-GUESSED, OPEN = 5.0, 30.0  # deviation [degrees] where guesses decide the relief: of a matt body; under FLAT lights
+MATT = 0.02  # share of the pixels that ever show a highlight, below which there is none to speak of
+UNEXPLAINED = float(np.log(2.0))  # cost of the usual value beyond which the pictures are not explained
+GUESSED, OPEN = (
+    5.0,
+    30.0,
+)  # deviation [degrees] of the relief of a matt body, by guesses; under FLAT lights or unexplained
 SAID_EQUAL = 0.1  # scatter of strengths that fixes the relief
 FEW_ALBEDOS = 2.0  # of a hue; fewer fix the relief
 FALLOFF = 0.3  # deviation of near lights' distances below which their falloff tells how high the relief is
@@ -52,8 +56,10 @@ def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
     told = falloff or best.scatter <= SAID_EQUAL or len(best.known.lights)
     if not told and _nearly_flat(direction):
         squares += np.radians(OPEN) ** 2
-    elif not told and best.gloss() < MATT and not _few_albedos(best):
+    elif not told and best.shiny() < MATT and not _few_albedos(best):
         squares += np.radians(GUESSED) ** 2
+    if best.unexplained() > UNEXPLAINED:
+        squares += np.radians(OPEN) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
 
 
@@ -77,7 +83,12 @@ def doubts(solution: Solution, deviation: Array, distance: Array) -> tuple[str, 
         words.append(
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
-    if joint.gloss() < MATT and not falloff:
+    if joint.unexplained() > UNEXPLAINED:
+        words.append(
+            "what was found does not explain the photographs: they are too dark, noisy or mirror-like, "
+            "or not all of one object that stood still; look at the report"
+        )
+    if joint.shiny() < MATT and not falloff:
         words.append("there are no highlights; the relief's height rests on outline, strengths and albedos alone")
     if not joint.outline.rim.any() and not falloff:
         words.append(

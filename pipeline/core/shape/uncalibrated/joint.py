@@ -38,6 +38,7 @@ LEAST_BELIEF = 1e-3  # of other cues: as if no picture were explained better tha
 ALIKE = 100.0  # the same, for how far lights can be off: a wrong lobe is wrong over all of a highlight
 CURL_TRUST = 0.1  # of the normals' integrability: its misfits go together over the whole surface
 ALBEDO_TRUST = 0.3  # of the albedos' being few, for the same reason
+HIGHLIGHT = 0.3  # share of the Lambertian part that lobes add where there is a highlight to speak of
 OPEN = 1.0  # scatter of strengths that are not believed to be alike
 RIDGE = 1e-9
 
@@ -218,14 +219,17 @@ class Joint:
         self.damping *= CALMER
         return False
 
-    def gloss(self) -> float:
-        """Return the share of the light of the pictures that the lobes explain and the Lambertian part does not.
+    def shiny(self) -> float:
+        """Return the share of the pixels that show, of some light, clearly more than the Lambertian part explains.
 
         Lobes that no value reaches have no share, however large their coefficients.
         """
-        everything, matt = self.foreseen(self.coefficients), self.foreseen(self.lambertian)
-        sure = self.certainty[..., None]
-        return 1.0 - float((sure * matt).sum() / max((sure * everything).sum(), 1e-300))
+        everything, matt = self.foreseen(self.coefficients).mean(axis=2), self.foreseen(self.lambertian).mean(axis=2)
+        return float(((everything > (1.0 + HIGHLIGHT) * matt) & (self.certainty > 0)).any(axis=1).mean())
+
+    def unexplained(self) -> float:
+        """Return Cauchy's cost of the usual lit value's misfit; log 2 where that is off by the width of what counts."""
+        return float(self.misfit.sum() / max(self.lit.sum(), 1.0))
 
     def foreseen(self, coefficients: Array) -> Array:
         """Return what the pixels show (P, L, 3) of bases of some coefficients (K, J, 3); no cast shadows."""
