@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 MIXED = 0.02  # share that every basis has of every pixel at first
 MOST = {"rough": 6, "fine": 24, "look": 5}  # weighings of the values in the phases of a descent, at most
 SETTLED = 0.0005  # relative fall of the objective between two weighings that is none, twice in a row
+EXPLAINED = 1e-3  # cost of a value below which none has to fall: it is off by 3 % of what it may be
 REWEIGHED = 5  # steps between two weighings of the values
 
 
@@ -82,7 +84,8 @@ def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...
     the surface is put where the normals say before every weighing. The state is weighed in the end.
     """
     pictures, course = problem.pictures, list[float]()
-    while len(course) < MOST[phase] and not _settled(course):
+    least = EXPLAINED * float(joint.lit.sum())
+    while len(course) < MOST[phase] and not _settled(course, least):
         if joint.near:
             joint.place(surface_points(pictures, joint.normals))
         joint.weigh()
@@ -97,9 +100,10 @@ def descend(joint: Joint, problem: Problem, phase: str) -> Work[tuple[float, ...
     return (*course, joint.objective())
 
 
-def _settled(course: Sequence[float]) -> bool:
-    """Return whether the objective hardly fell, twice in a row."""
-    return len(course) > 2 and min(course[-1] / course[-2], course[-2] / course[-3]) > 1.0 - SETTLED
+def _settled(course: Sequence[float], least: float) -> bool:
+    """Return whether the objective hardly fell, twice in a row, or hardly by what would be nothing to it."""
+    falls = [(before - after) / (before + least) for before, after in pairwise(course[-3:])]
+    return len(falls) == 2 and max(falls) < SETTLED
 
 
 def bring_near(joint: Joint, pictures: Pictures, away: float) -> None:

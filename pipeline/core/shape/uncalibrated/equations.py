@@ -265,6 +265,7 @@ def eliminate(
         tangents, value, by_lobe = space[0], space[2], space[6]
         here, slopes, by_light = np.empty(3), np.empty((numbers, 3)), np.empty((numbers, 3))
         coupling, slope = np.empty((own, total)), np.empty(own)
+        glow, glows = np.empty(bases * functions), np.zeros((bases * functions, bases * functions))
         for p in range(part * pixels // parts, (part + 1) * pixels // parts):
             a, b = factors[p], right[p]
             a[:], b[:], coupling[:] = 0.0, 0.0, 0.0
@@ -277,6 +278,13 @@ def eliminate(
                 arriving(lights[k], offsets[p], here, slopes)
                 if not respond(normals[p], views[p], here, weights[p], coefficients, space):
                     continue
+                for n in range(bases):
+                    for j in range(functions):
+                        glow[n * functions + j] = weights[p, n] * by_lobe[j]
+                for n in range(glow.size):  # alike for the three colours
+                    if glow[n] != 0.0:
+                        for m in range(n + 1):
+                            glows[n, m] += sure * glow[n] * glow[m]
                 for j in range(numbers):
                     for c in range(3):
                         by_light[j, c] = 0.0
@@ -306,11 +314,6 @@ def eliminate(
                             gradient[part, place] += share * miss
                             for i in range(numbers):
                                 shared[part, numbers * k + i, place] += share * by_light[i, c]
-                            for m in range(bases):
-                                if weights[p, m] != 0.0:
-                                    for i in range(functions):
-                                        other = numbers * count + (m * functions + i) * 3 + c
-                                        shared[part, place, other] += share * weights[p, m] * by_lobe[i]
             for n in range(bases):
                 if weights[p, n] <= 0.0 and b[2 + n] <= 0.0:
                     coupling[2 + n] = 0.0
@@ -322,6 +325,10 @@ def eliminate(
                     for j in range(i):
                         rest -= a[i, j] * reduced[p, j, g]
                     reduced[p, i, g] = rest / a[i, i]
+        for n in range(glow.size):
+            for m in range(glow.size):
+                for c in range(3):
+                    shared[part, numbers * count + 3 * n + c, numbers * count + 3 * m + c] = glows[max(n, m), min(n, m)]
 
 
 @parallel_kernel
