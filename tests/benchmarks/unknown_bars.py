@@ -1,8 +1,8 @@
-"""The bars that unknown lights are held to: rendered bodies under a dozen hand-held lamps, DiLiGenT's ball and cat, and
-three real bodies under ten lights that nobody knows.
+"""The bars that unknown lights are held to: rendered bodies under a dozen hand-held lamps, a dozen drawn ones, DiLiGenT's
+ball and cat, and three real bodies under ten lights that nobody knows.
 
 Run as ``.venv-3.13/bin/python tests/benchmarks/unknown_bars.py [--cache FOLDER] [--data FOLDER]`` with the Python that
-``bootstrap.py`` set up. The rendered gourd and the body like a bunny were used for tuning.
+``bootstrap.py`` set up. The rendered gourd and the body like a bunny were used for tuning, the drawn ones were not.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from pipeline.core.shape import Shape, level
 
 BARS = {(50, False): (2.5, 6.0), (20, True): (1.0, 5.0), (20, False): (4.0, 8.0)}
 NEAR = ((50, False), (20, True))  # fields of view and whether powers are equal, of lamps at arm's length
+UNSEEN = Path(__file__).with_name("unseen_bodies.toml")
 PICTURE = 0.10  # relative RMSE under a light not in the set
 MEASURED = {"ballPNG": 7.0, "catPNG": 10.0}  # mean angle of the normals [degrees]
 REAL, LEFT_OUT, PREDICTED = ("frog1", "panther", "apple"), 3, 0.12  # sets, photograph, relative RMSE
@@ -57,6 +58,7 @@ def main() -> None:
         rendered(cache, Case("bowl", 20, False, 2))
         for view, equal in BARS:
             rendered(cache, Case("gourd", view, equal, 1), "source")
+        drawn(cache)
         if chosen.data:
             for name in MEASURED:
                 for every in (1, 8):
@@ -84,6 +86,20 @@ def rendered(cache: Path, case: Case, objective: str = "joint") -> None:
         f"{error:10.3f} ({PICTURE:.2f}) {found['seconds']:8.1f}{far}",
         flush=True,
     )
+
+
+def drawn(cache: Path) -> None:
+    """Recover bodies whose shapes and materials were drawn by lot, and print their rows."""
+    folder = cache / UNSEEN.stem
+    if not (folder / "finished").is_file():
+        captures.command("dataset", UNSEEN, "-o", folder)
+    for sample in sorted((folder / "capture").iterdir()):
+        found = recovered(sample, cache / f"{UNSEEN.stem}-{sample.name}-shape")
+        print(
+            f"drawn by lot {sample.name:19} {found['light_mae_deg']:5.2f} {found['light_deviation_deg']:13.2f} "
+            f"{found['normal_mae_deg']:7.2f} {found['normal_median_deg']:13.2f} {found['seconds']:27.1f}",
+            flush=True,
+        )
 
 
 def recovered(capture: Path, out: Path, *options: str) -> dict[str, Any]:
