@@ -1,5 +1,5 @@
-"""The bars that unknown lights are held to: rendered bodies under a dozen hand-held lamps, a dozen drawn ones, DiLiGenT's
-ball and cat, and three real bodies under ten lights that nobody knows.
+"""The bars that unknown lights are held to: rendered bodies under a dozen hand-held lamps, and a dozen drawn by lot,
+DiLiGenT's ball and cat, and three real bodies under ten lights that nobody knows.
 
 Run as ``.venv-3.13/bin/python tests/benchmarks/unknown_bars.py [--cache FOLDER] [--data FOLDER]`` with the Python that
 ``bootstrap.py`` set up. The rendered gourd and the body like a bunny were used for tuning, the drawn ones were not.
