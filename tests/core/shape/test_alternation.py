@@ -185,7 +185,8 @@ def test_the_surface_is_the_one_of_its_normals(model: str) -> None:
     assert np.sqrt(((true - true.mean()) ** 2).mean()) / (synthetic.RADIUS * unit) > 3 * tolerances.LAID_SURFACE
 
 
-def test_near_lamps_are_refused() -> None:
-    settings = ShapeSettings(method="uncalibrated", objective="source", lamps="near")
-    with pytest.raises(LightsphereError, match="near"):
+@pytest.mark.parametrize("other", [{"lamps": "near"}, {"cues": "outline"}])
+def test_what_it_does_not_have_is_refused(other: dict[str, str]) -> None:
+    settings = ShapeSettings(method="uncalibrated", objective="source", **other)  # type: ignore[arg-type]
+    with pytest.raises(LightsphereError, match=f"--{next(iter(other))}"):
         finish(recover(photographed(view(40, 30), lamps()), settings))

@@ -14,7 +14,7 @@ from ...progress import Progress, Work, retold
 from .descent import MOST, Attempt, Problem, begun, bring_near, descend
 from .joint import Joint
 from .shadows import unexplained
-from .start import first_lights, towards_known
+from .start import TOO_DARK, first_lights, towards_known
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def _attempts(problem: Problem) -> list[Attempt]:
     if len(known.lights):
         starts = [towards_known(lights, known.lights, known.directions) for lights in starts]
     if not starts:
-        raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
+        raise LightsphereError(TOO_DARK)
     if not problem.near:
         return [Attempt(lights, known) for lights in starts]
     return [Attempt(starts[0], known, start, away) for start in (None, guess) for away in BROUGHT]

@@ -27,6 +27,7 @@ ALBEDOS = (0.2, 5.0)  # over the usual one
 LEAST_SQUARE = 1e-3  # least over largest eigenvalue with which equal strengths fix a factor
 STIFF = 1e-4  # weight of leaving all lights as they are where some are known
 RIDGE = 1e-9
+TOO_DARK = "too few pixels are lit in most photographs; photograph with lamps nearer to the camera"
 
 
 def first_lights(pictures: Pictures, dome: Array) -> list[Array]:

@@ -14,6 +14,7 @@ from ..certainty import UNSURE
 from ..descent import Problem
 from ..found import Found
 from ..joint import Joint
+from ..known import CUES
 from ..scales import Scale, finer
 from .lobe import tables
 from .materials import project
@@ -37,10 +38,12 @@ def alternated(problem: Problem, scales: Sequence[Scale], before: Joint | State 
     Raises
     ------
     LightsphereError
-        For near lights, or when the pictures leave nothing to start from.
+        For near lights, a choice of cues, or when the pictures leave nothing to start from.
     """
     if problem.near:
-        raise LightsphereError("the source's objective takes lights for distant; leave out it, or the near lamps")
+        raise LightsphereError("the source's objective takes lights for distant; leave it or --lamps near out")
+    if problem.known.cues != set(CUES):
+        raise LightsphereError("the source's objective has cues of its own; leave it or --cues out")
     ends = yield from solve(problem, before if isinstance(before, State) else None)
     best = ends[0]
     state, stiffness = yield from _every_pixel(scales, best)

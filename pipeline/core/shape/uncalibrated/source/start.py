@@ -6,18 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import LightsphereError
+from ..certainty import SAID_EQUAL
 from ..descent import Problem
 from ..pictures import Pictures, surface_points
-from ..start import ENOUGH, equally_strong, factorise, fitted_to, mean_strength_one, rows, towards_known
+from ..start import ENOUGH, TOO_DARK, equally_strong, factorise, fitted_to, mean_strength_one, rows, towards_known
 from .state import TINY, State
 from .surface import triangulated
 
 Array = NDArray[np.float64]
 
 RANK = 0.9  # quantile of a pixel's lit values that tells its albedo
-SAID_EQUAL = 0.1  # scatter of strengths that are said to be equal
 ROUNDS, WIDTH = 10, 0.1  # of fitting a pixel's normal, and the misfit over its usual value at which a value counts half
 SMOOTHNESS = 1e-3  # of the surface
+RIDGE = 1e-6  # of what nothing lights, over its usual value, towards the view
 BRIGHTER = 1.5  # times what the normal shows: such a value is a highlight
 
 
@@ -34,7 +35,7 @@ def first_lights(problem: Problem) -> list[Array]:
     pictures, lit = problem.pictures, problem.pictures.lit > 0
     kept = lit.sum(axis=1) >= ENOUGH * lit.shape[1]
     if kept.sum() < 3:
-        raise LightsphereError("too few pixels are lit in most photographs; photograph with lamps nearer to the camera")
+        raise LightsphereError(TOO_DARK)
     there = np.isfinite(problem.proxy).all(axis=1, keepdims=True)
     guess = np.where(there, problem.proxy, problem.outline.dome)[kept]
     scaled = pictures.gray[kept] / _ranked(pictures)[kept, None]
@@ -121,7 +122,7 @@ def _normals(pictures: Pictures, lights: Array) -> tuple[Array, Array]:
         vectors = rows(weight, lights, pictures.gray)
         shown = np.maximum(vectors @ lights.T, 0.0)
         weight = pictures.lit / (1.0 + ((pictures.gray - shown) / (WIDTH * pictures.usual[:, None])) ** 2) ** 2
-    vectors += 1e-6 * pictures.usual[:, None] * pictures.views
     facing = (vectors * pictures.views).sum(axis=1, keepdims=True)
-    vectors = np.where(facing < 0, vectors - 1.9 * facing * pictures.views, vectors)
+    vectors -= 2.0 * np.minimum(facing, 0.0) * pictures.views  # seen from the front
+    vectors += RIDGE * pictures.usual[:, None] * pictures.views
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY), shown
