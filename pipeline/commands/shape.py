@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -18,6 +19,8 @@ from ..core.compare.shapes import light_errors, shape_errors
 from ..core.errors import LightsphereError
 from ..core.lights import Lights
 from ..core.progress import Work
+from ..core.reflectance import FILE as REFLECTANCE_FILE
+from ..core.reflectance.bivariate import open_reflectance
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
@@ -120,7 +123,9 @@ def shape(
             errors.update(light_errors(lights, opened.lights, found, truth))
         found.notes["errors"] = errors
         found.save(output)
-        if reflectance is not None:
+        if reflectance is None:
+            _forget_reflectance(output)
+        else:
             notes = {**reflectance.notes, "shape": "..", "capture": os.path.relpath(source, output / "reflectance")}
             dataclasses.replace(reflectance, notes=notes).save(output / "reflectance")
             figures.values.update({key: reflectance.notes[key] for key in OF_BASES if key in reflectance.notes})
@@ -158,6 +163,13 @@ def _without_interreflections(
     from ..blender.interreflections import taken_out
 
     return (yield from taken_out(capture, solve, settings.interreflections, output / "direct"))
+
+
+def _forget_reflectance(shape: Path) -> None:
+    """Remove a reflectance that an earlier run left beside the shape that was there: material would take it."""
+    folder = shape / "reflectance"
+    if (folder / REFLECTANCE_FILE).is_file() and open_reflectance(folder).notes.get("shape") == "..":
+        shutil.rmtree(folder)
 
 
 def _proxy(capture: Capture, settings: ShapeSettings, unit: float) -> Shape | None:

@@ -15,6 +15,7 @@ import pytest
 
 from pipeline import cli
 from pipeline.core import images
+from pipeline.core.reflectance import Reflectance
 from pipeline.core.shape import Shape
 from tests import synthetic
 
@@ -73,6 +74,18 @@ def test_a_sound_capture_is_solved_in_silence(folder: Path, capsys: pytest.Captu
     assert err == "" and out.count("\n") == 1 and "_values" not in out
     assert np.isfinite(Shape.open(folder / "shape").depth).sum() > 50
     assert (folder / "shape" / "mesh.ply").is_file()
+
+
+@pytest.mark.parametrize(("belongs", "stays"), [("..", False), ("../../another", True)])
+def test_a_reflectance_of_the_shape_that_was_there_is_forgotten(folder: Path, belongs: str, stays: bool) -> None:
+    """Else material would take it for the new shape's."""
+    picture = np.full((12, 12), 0.5, np.float32)
+    colours = np.stack(3 * [picture], axis=-1)
+    old = folder / "shape" / "reflectance"
+    notes = {"shape": belongs, "model": "lobe"}
+    Reflectance(colours, colours, picture, picture, picture, notes).save(old)
+    assert cli.main(["shape", str(folder), "-o", str(folder / "shape")]) == 0
+    assert (old / "reflectance.json").is_file() == stays
 
 
 def test_a_folder_without_a_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
