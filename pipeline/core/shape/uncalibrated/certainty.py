@@ -14,10 +14,8 @@ Array = NDArray[np.float64]
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.02  # share of the pixels that ever show a highlight, below which there is none to speak of
 UNEXPLAINED = float(np.log(2.0))  # cost of the usual value beyond which the pictures are not explained
-GUESSED, OPEN = (
-    5.0,
-    30.0,
-)  # deviation [degrees] of the relief of a matt body, by guesses; under FLAT lights or unexplained
+GUESSED, OPEN = 5.0, 30.0  # deviation [degrees] where guesses decide the relief: of a matt body; under FLAT lights
+ANYWHERE = 60.0  # the same, where the pictures are not explained
 SAID_EQUAL = 0.1  # scatter of strengths that fixes the relief
 FEW_ALBEDOS = 2.0  # of a hue; fewer fix the relief
 FALLOFF = 0.3  # deviation of near lights' distances below which their falloff tells how high the relief is
@@ -59,7 +57,7 @@ def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
     elif not told and best.shiny() < MATT and not _few_albedos(best):
         squares += np.radians(GUESSED) ** 2
     if best.unexplained() > UNEXPLAINED:
-        squares += np.radians(OPEN) ** 2
+        squares += np.radians(ANYWHERE) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
 
 
