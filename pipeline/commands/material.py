@@ -19,7 +19,7 @@ from ..core.material.surface import Surface, bases_of, surface, uniform
 from ..core.progress import Work
 from ..core.reflectance import FILE as REFLECTANCE_FILE
 from ..core.reflectance import Reflectance, ReflectanceSettings
-from ..core.reflectance.bivariate import Bivariate, open_reflectance
+from ..core.reflectance.bivariate import Bivariate, open_reflectance, read_notes
 from ..core.shape import FILE as SHAPE_FILE
 from ..core.shape import Shape
 from ..core.tradeoff.goal import Goal
@@ -147,7 +147,7 @@ def opened(source: Path) -> Work[Opened]:
     folder, recovered = source, source / "reflectance"
     if (source / REFLECTANCE_FILE).is_file():
         recovered = source
-        folder = source / open_reflectance(source).notes.get("shape", "..")
+        folder = source / read_notes(source).get("shape", "..")
     if not (folder / SHAPE_FILE).is_file():
         raise LightsphereError(f"{source} is no shape, reflectance or BRDF file; give what an earlier stage wrote")
     shape = Shape.open(folder)

@@ -20,7 +20,7 @@ from ..core.errors import LightsphereError
 from ..core.lights import Lights
 from ..core.progress import Work
 from ..core.reflectance import FILE as REFLECTANCE_FILE
-from ..core.reflectance.bivariate import open_reflectance
+from ..core.reflectance.bivariate import read_notes
 from ..core.shape import Shape
 from ..core.shape.double_sphere import recover
 from ..core.shape.mesh import relief
@@ -123,13 +123,13 @@ def shape(
             errors.update(light_errors(lights, opened.lights, found, truth))
         found.notes["errors"] = errors
         found.save(output)
-        if reflectance is None:
-            _forget_reflectance(output)
-        else:
+        if reflectance is not None:
             notes = {**reflectance.notes, "shape": "..", "capture": os.path.relpath(source, output / "reflectance")}
             dataclasses.replace(reflectance, notes=notes).save(output / "reflectance")
             figures.values.update({key: reflectance.notes[key] for key in OF_BASES if key in reflectance.notes})
         write_ply(output / "mesh.ply", relief(found))
+        if reflectance is None:
+            _forget_reflectance(output)
         if lights is not None:
             from ..report import uncalibrated as page
 
@@ -168,7 +168,7 @@ def _without_interreflections(
 def _forget_reflectance(shape: Path) -> None:
     """Remove a reflectance that an earlier run left beside the shape that was there: material would take it."""
     folder = shape / "reflectance"
-    if (folder / REFLECTANCE_FILE).is_file() and open_reflectance(folder).notes.get("shape") == "..":
+    if (folder / REFLECTANCE_FILE).is_file() and read_notes(folder).get("shape") == "..":
         shutil.rmtree(folder)
 
 

@@ -43,9 +43,14 @@ class TorranceSparrow:
         """Return f [1/sr], (N, 3), for unit directions wi and wo (N, 3) above the surface."""
         half = wi + wo
         theta = np.arctan2(np.hypot(half[:, 0], half[:, 1]), half[:, 2])
-        lobe = np.exp(-(theta**2) / (2 * self.sigma**2))
-        lobe /= 4 * np.maximum(wi[:, 2], STEEPEST) * np.maximum(wo[:, 2], STEEPEST)
+        lobe = torrance_sparrow(theta, wi[:, 2], wo[:, 2], self.sigma)
         return np.asarray(self.diffuse / np.pi + lobe[:, None] * self.specular)
+
+
+def torrance_sparrow(theta_h: Array, cos_i: Array, cos_o: Array, sigma: float) -> Array:
+    """Return the simplified lobe (N,) of :class:`TorranceSparrow` for a specular colour of one."""
+    lobe = np.exp(-(theta_h**2) / (2 * sigma**2))
+    return np.asarray(lobe / (4 * np.maximum(cos_i, STEEPEST) * np.maximum(cos_o, STEEPEST)))
 
 
 @dataclass(frozen=True)

@@ -152,9 +152,14 @@ class Basis:
 
 def open_reflectance(folder: Path) -> Reflectance | Bivariate:
     """Open a reflectance folder of either model; raise LightsphereError when it is none or is damaged."""
+    return Bivariate.open(folder) if read_notes(folder)["model"] == MODEL else Reflectance.open(folder)
+
+
+def read_notes(folder: Path) -> dict[str, Any]:
+    """Return the notes of a reflectance folder, its model among them; raise LightsphereError as opening it does."""
     try:
-        value = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        tables = value["notes"]["model"] == MODEL
+        notes: dict[str, Any] = dict(json.loads((folder / FILE).read_text(encoding="utf-8"))["notes"])
+        notes["model"]  # one without is damaged
     except BROKEN_JSON as error:
         raise LightsphereError(f"{folder} is no reflectance, or damaged ({error!r}); make one from a shape") from error
-    return Bivariate.open(folder) if tables else Reflectance.open(folder)
+    return notes

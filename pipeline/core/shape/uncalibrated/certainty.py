@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 FLAT = 0.12  # least over largest spread of the lights below which they are nearly in a plane or a cone
 MATT = 0.02  # share of the pixels that ever show a highlight, below which there is none to speak of
-UNEXPLAINED = float(np.log(2.0))  # cost of the usual value beyond which the pictures are not explained
+UNEXPLAINED = float(np.log(2.0))  # mean cost of the values beyond which the pictures are not explained
 GUESSED, OPEN = 5.0, 30.0  # deviation [degrees] where guesses decide the relief: of a matt body; under FLAT lights
 ANYWHERE = 60.0  # the same, where the pictures are not explained
 SAID_EQUAL = 0.1  # scatter of strengths that fixes the relief
@@ -56,7 +56,7 @@ def deviations(solution: Solution, covariance: Array) -> tuple[Array, Array]:
         squares += np.radians(OPEN) ** 2
     elif not told and best.shiny() < MATT and not _few_albedos(best):
         squares += np.radians(GUESSED) ** 2
-    if best.unexplained() > UNEXPLAINED:
+    if best.mean_misfit() > UNEXPLAINED:
         squares += np.radians(ANYWHERE) ** 2
     return np.degrees(np.minimum(np.sqrt(squares), np.pi / 2)), np.sqrt(distance)
 
@@ -81,7 +81,7 @@ def doubts(solution: Solution, deviation: Array, distance: Array) -> tuple[str, 
         words.append(
             "the lights lie nearly in one plane or one small cone; hold the lamp in more places around the camera"
         )
-    if joint.unexplained() > UNEXPLAINED:
+    if joint.mean_misfit() > UNEXPLAINED:
         words.append(
             "what was found does not explain the photographs: they are too dark, noisy or mirror-like, "
             "or not all of one object that stood still; look at the report"

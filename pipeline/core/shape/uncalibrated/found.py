@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .joint import Joint
-from .source.state import State
 
 Array = NDArray[np.float64]
 
@@ -20,8 +19,8 @@ class Found:
 
     Parameters
     ----------
-    end : Joint or State
-        The solution of the coarse pictures, from which another can begin.
+    end : Joint, optional
+        The solution of the coarse pictures, where another can begin from it.
     lights : (L, N) float64
         As in :mod:`.lamps`.
     centre, offsets : (3,), (P, 3) float64
@@ -41,7 +40,7 @@ class Found:
         Cost of every end, and the course of the best one's.
     """
 
-    end: Joint | State
+    end: Joint | None
     lights: Array
     centre: Array
     offsets: Array

@@ -227,8 +227,8 @@ class Joint:
         everything, matt = self.foreseen(self.coefficients).mean(axis=2), self.foreseen(self.lambertian).mean(axis=2)
         return float(((everything > (1.0 + HIGHLIGHT) * matt) & (self.certainty > 0)).any(axis=1).mean())
 
-    def unexplained(self) -> float:
-        """Return Cauchy's cost of the usual lit value's misfit; log 2 where that is off by the width of what counts."""
+    def mean_misfit(self) -> float:
+        """Return the mean of Cauchy's cost of the lit values; log 2 where they are off by the width of what counts."""
         return float(self.misfit.sum() / max(self.lit.sum(), 1.0))
 
     def foreseen(self, coefficients: Array) -> Array:

@@ -40,7 +40,6 @@ from .pictures import Pictures, blocks, pictures_of, reduced
 from .scales import Scale, every_pixel
 from .solve import solve
 from .source.recover import alternated
-from .source.state import State
 
 Array = NDArray[np.float64]
 
@@ -53,10 +52,10 @@ FEW_PIXELS = 60
 class Recovered:
     """Shape, reflectance, and the lights in the world with their standard deviations (L,) [degrees].
 
-    ``end`` is the solution of the coarse pictures, from which another can begin.
+    ``end`` is the solution of the coarse pictures, where another can begin from it.
     """
 
-    end: Joint | State
+    end: Joint | None
     shape: Shape
     reflectance: Bivariate
     lights: Lights
@@ -83,7 +82,8 @@ def recover(
     ------
     LightsphereError
         For fewer than six photographs, too small an object, pictures without anything to start from, a file of
-        known lights that is none, or near lamps with the source's objective.
+        known lights that is none, or near lamps or a choice of cues with the source's
+        objective.
     """
     if len(capture) < FEWEST:
         raise LightsphereError(
@@ -110,8 +110,10 @@ def recover(
         proxy=_proxy_of_blocks(told.normals, scales[0]),
         near=settings.lamps == "near",
     )
-    solver = alternated if settings.objective == "source" else _solved
-    found = yield from solver(problem, scales, None if before is None else before.end)
+    if settings.objective == "source":
+        found = yield from alternated(problem, scales)
+    else:
+        found = yield from _solved(problem, scales, None if before is None else before.end)
     bright = np.pi * everything.white * unit
     misfit = found.misfit / (1.0 + found.misfit)
     confidence = (1.0 - misfit) / (1.0 + found.normal_deviation / USUAL_DEVIATION)
@@ -128,9 +130,9 @@ def recover(
     return Recovered(found.end, shape, reflectance, lights, found.deviations[0], found.doubts)
 
 
-def _solved(problem: Problem, scales: Sequence[Scale], before: Joint | State | None) -> Work[Found]:
+def _solved(problem: Problem, scales: Sequence[Scale], before: Joint | None) -> Work[Found]:
     """Return what is found where all unknowns move at once."""
-    solution = yield from solve(problem, before if isinstance(before, Joint) else None)
+    solution = yield from solve(problem, before)
     joint = solution.joint
     fitted = yield from every_pixel(scales, joint)
     covariance, conditioned = joint.light_covariance()

@@ -8,7 +8,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from ....brdf.parametric import STEEPEST
+from ....brdf.parametric import STEEPEST, torrance_sparrow
 from ....compiled import kernel, parallel_kernel
 from ..lobes import at_nodes
 
@@ -60,8 +60,8 @@ def tables(widths: Array) -> Array:
     """Return the Lambertian basis and one for every lobe of a width (K,) as bivariate tables (TH, TD, 1 + K, 1)."""
 
     def functions(cos_h: Array, cos_i: Array, cos_o: Array) -> Array:
-        lobe = np.exp(-0.5 * (np.arccos(np.minimum(cos_h, 1.0))[:, None] / widths) ** 2)
-        oblique = 4.0 * np.maximum(cos_i, STEEPEST) * np.maximum(cos_o, STEEPEST)
-        return np.concatenate([np.full((len(cos_h), 1), 1.0 / np.pi), lobe / oblique[:, None]], axis=1)
+        theta_h = np.arccos(np.minimum(cos_h, 1.0))
+        lobes = [torrance_sparrow(theta_h, cos_i, cos_o, width) for width in widths]
+        return np.stack([np.full(len(cos_h), 1.0 / np.pi), *lobes], axis=1)
 
     return np.ascontiguousarray(at_nodes(functions)[..., None])

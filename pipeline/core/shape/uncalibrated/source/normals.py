@@ -69,7 +69,6 @@ def _turned(normal: Array, tangents: Array, angle: float, number: int, there: Ar
 def search(
     views: Array, lights: Array, strengths: Array, values: Array, lit: Array, usual: Array, noise: float, sure: Array,
     weights: Array, tints: Array, widths: Array, pulls: Array, angle: float, normals: Array, albedo: Array,
-    stiffness: Array,
 ) -> None:  # fmt: skip
     """Turn normals (P, 3) by an angle [rad] as long as that lowers the sum, in place, the albedo (P, 3) following.
 
@@ -82,39 +81,56 @@ def search(
     weights, tints, widths : (P, K), (K, 3), (K,)
     pulls : (P, 3)
         What is known of a normal otherwise adds -2 n . pull.
-    stiffness : (P,)
-        Least curvature of the sum about the normal [1 / rad^2].
     """
     for p in prange(len(views)):
         tangents, there, best, shade = np.empty((2, 3)), np.empty(3), normals[p].copy(), np.empty(3)
-        matt, rest, ring = np.empty(len(lights)), np.empty((len(lights), 3)), np.empty(RING)
+        matt, rest = np.empty(len(lights)), np.empty((len(lights), 3))
         own = albedo[p].copy()
         least = _cost(
             best, views[p], lights, strengths, values[p], lit[p], usual[p], noise, sure[p], weights[p], tints, widths,
             pulls[p], own, matt, rest,
         )  # fmt: skip
-        for move in range(MOVES + 1):
-            last = move == MOVES
-            before, chosen = least, -1
+        for _ in range(MOVES):
+            before = least
             frame(normals[p], tangents)
             for number in range(RING):
-                _turned(normals[p], tangents, CURVED if last else angle, number, there)
+                _turned(normals[p], tangents, angle, number, there)
                 if there[0] * views[p, 0] + there[1] * views[p, 1] + there[2] * views[p, 2] < LEAST_FACING:
-                    ring[number] = np.inf
                     continue
                 cost = _cost(
                     there, views[p], lights, strengths, values[p], lit[p], usual[p], noise, sure[p], weights[p], tints,
                     widths, pulls[p], shade, matt, rest,
                 )  # fmt: skip
-                ring[number] = cost
-                if cost < least and not last:
-                    least, chosen = cost, number
+                if cost < least:
+                    least = cost
                     best[:], own[:] = there, shade
-            if chosen >= 0:
-                normals[p] = best
-            if last:
-                stiffness[p] = np.inf
-                for number in range(RING // 2):
-                    bend = (ring[number] + ring[number + RING // 2] - 2.0 * before) / CURVED**2
-                    stiffness[p] = max(min(stiffness[p], bend), 0.0)
+            if least == before:
+                break
+            normals[p] = best
         albedo[p] = own
+
+
+@parallel_kernel
+def stiffnesses(
+    views: Array, lights: Array, strengths: Array, values: Array, lit: Array, usual: Array, noise: float, sure: Array,
+    weights: Array, tints: Array, widths: Array, pulls: Array, normals: Array, stiffness: Array,
+) -> None:  # fmt: skip
+    """Fill in the least curvature (P,) [1 / rad^2] of the sum about normals, of what :func:`search` takes."""
+    for p in prange(len(views)):
+        tangents, there, shade = np.empty((2, 3)), np.empty(3), np.empty(3)
+        matt, rest, ring = np.empty(len(lights)), np.empty((len(lights), 3)), np.empty(RING)
+        frame(normals[p], tangents)
+        for number in range(RING):
+            _turned(normals[p], tangents, CURVED, number, there)
+            ring[number] = _cost(
+                there, views[p], lights, strengths, values[p], lit[p], usual[p], noise, sure[p], weights[p], tints,
+                widths, pulls[p], shade, matt, rest,
+            )  # fmt: skip
+        here = _cost(
+            normals[p], views[p], lights, strengths, values[p], lit[p], usual[p], noise, sure[p], weights[p], tints,
+            widths, pulls[p], shade, matt, rest,
+        )  # fmt: skip
+        least = np.inf
+        for number in range(RING // 2):
+            least = min(least, (ring[number] + ring[number + RING // 2] - 2.0 * here) / CURVED**2)
+        stiffness[p] = max(least, 0.0)

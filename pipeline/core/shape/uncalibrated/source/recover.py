@@ -4,32 +4,31 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....compare.shapes import angles_deg
 from ....errors import LightsphereError
 from ....progress import Progress, Work
 from ..certainty import UNSURE
 from ..descent import Problem
 from ..found import Found
-from ..joint import Joint
 from ..known import CUES
 from ..scales import Scale, finer
 from .lobe import tables
 from .materials import project
+from .normals import stiffnesses
 from .solve import ANGLES, lay, solve, turn_normals
 from .start import SMOOTHNESS
 from .state import State
 from .surface import triangulated
 
-Array = NDArray[np.float64]
-
 ROUNDS = 2  # over the pixels of every scale
 LEAST_APART = 1.0  # of two ends' lights [degrees]: what has the same valley may be off by as much
 
 
-def alternated(problem: Problem, scales: Sequence[Scale], before: Joint | State | None) -> Work[Found]:
+def alternated(problem: Problem, scales: Sequence[Scale]) -> Work[Found]:
     """Return what the alternation finds.
 
     A light's deviation is how far the ends lie apart. The sum leaves the relief nearly as it began, so that curvature
@@ -44,22 +43,23 @@ def alternated(problem: Problem, scales: Sequence[Scale], before: Joint | State 
         raise LightsphereError("the source's objective takes lights for distant; leave it or --lamps near out")
     if problem.known.cues != set(CUES):
         raise LightsphereError("the source's objective has cues of its own; leave it or --cues out")
-    ends = yield from solve(problem, before if isinstance(before, State) else None)
+    ends = yield from solve(problem)
     best = ends[0]
-    state, stiffness = yield from _every_pixel(scales, best)
+    state = yield from _every_pixel(scales, best)
+    stiffness = np.empty(len(state.normals))
+    stiffnesses(*state.given(), state.normals, stiffness)
     matt = np.pi * state.albedo[:, None]
     weights = np.concatenate([matt, state.weights[..., None] * state.tints], axis=1)
     used = np.maximum((state.pictures.lit > 0).sum(axis=1), 1)
     cost = state.value_costs().sum(axis=1)
     spread = np.sqrt(2.0 * cost / np.maximum(used - 2, 1) / np.maximum(stiffness, 1e-12))
-    apart = [np.linalg.norm(np.cross(best.directions, end.directions), axis=1) for end in ends[1:]]
-    direction = np.degrees(np.sqrt(np.radians(LEAST_APART) ** 2 + sum(one**2 for one in apart)))
-    direction = np.broadcast_to(direction, best.strengths.shape)
+    apart = angles_deg(best.directions, ends[1].directions)
+    direction = np.minimum(np.hypot(LEAST_APART, apart), 90.0)
     words = (
         f"the source's alternation leaves the relief as it began; lights are known to {direction.mean():.1f} degrees"
     )
     return Found(
-        end=best,
+        end=None,
         lights=best.directions * best.strengths[:, None],
         centre=np.zeros(3),
         offsets=np.zeros_like(state.normals),
@@ -82,13 +82,13 @@ def alternated(problem: Problem, scales: Sequence[Scale], before: Joint | State 
 def _falls(state: State) -> dict[str, float]:
     """Return by how much each kind of step lowered the sum."""
     falls: dict[str, float] = {}
-    for (_, before), (step, after) in zip(state.course, state.course[1:], strict=False):
+    for (_, before), (step, after) in pairwise(state.course):
         falls[step] = falls.get(step, 0.0) + before - after
     return falls
 
 
-def _every_pixel(scales: Sequence[Scale], state: State) -> Work[tuple[State, Array]]:
-    """Return the state of the finest scale's pixels, under the same lights, and how stiff normals stand (P,)."""
+def _every_pixel(scales: Sequence[Scale], state: State) -> Work[State]:
+    """Return the state of the finest scale's pixels, under the same lights."""
     total, done, coarse = sum(len(scale.pictures.values) for scale in scales), 0, scales[0]
     for scale in scales:
         columns = [state.normals, state.albedo, state.weights, state.unknown[:, None]]
@@ -108,8 +108,8 @@ def _every_pixel(scales: Sequence[Scale], state: State) -> Work[tuple[State, Arr
         for _ in range(ROUNDS):
             lay(state)
             for angle in ANGLES[1:]:
-                stiffness = turn_normals(state, angle)
+                turn_normals(state, angle)
             project(state)
         done, coarse = done + len(scale.pictures.values), scale
         yield Progress("normals", done, total, "pixels")
-    return state, stiffness
+    return state

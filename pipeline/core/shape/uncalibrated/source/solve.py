@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-import numpy as np
-from numpy.typing import NDArray
-
 from ....progress import Progress, Work, retold
 from ..descent import Problem
 from .lights import strengthen, turn
@@ -15,27 +10,20 @@ from .normals import search
 from .start import begun, first_lights
 from .state import State
 
-Array = NDArray[np.float64]
-
 ROUNDS = 60  # at most
 SETTLED = 2e-3  # share of the sum by which a round has to lower it
 ANGLES = (0.3, 0.15, 0.07, 0.035, 0.015)  # by which normals turn [rad]
 
 
-def solve(problem: Problem, before: State | None = None) -> Work[list[State]]:
+def solve(problem: Problem) -> Work[list[State]]:
     """Alternate from the source's first lights and from those of a dome over the outline; return the ends, best first.
-
-    Or begin with what was found before, of nearly the same pictures.
 
     Raises
     ------
     LightsphereError
         When the pictures leave nothing to start from.
     """
-    if before is None:
-        starts = [begun(problem, lights) for lights in first_lights(problem)]
-    else:
-        starts = [dataclasses.replace(before, pictures=problem.pictures, course=[])]
+    starts = [begun(problem, lights) for lights in first_lights(problem)]
     for number, state in enumerate(starts):
         yield from _counted(alternate(state, problem.bases), number * ROUNDS, len(starts) * ROUNDS)
     return sorted(starts, key=lambda state: state.course[-1][1])
@@ -79,14 +67,7 @@ def lay(state: State) -> None:
     state.noted("surface")
 
 
-def turn_normals(state: State, angle: float) -> Array:
-    """Search for better normals an angle [rad] away, and return how stiff they stand (P,)."""
-    stiffness = np.empty(len(state.normals))
+def turn_normals(state: State, angle: float) -> None:
+    """Search for better normals an angle [rad] away."""
     state.normals, state.albedo = state.normals.copy(), state.albedo.copy()
-    pictures = state.pictures
-    search(
-        pictures.views, np.ascontiguousarray(state.directions), state.strengths, pictures.values, pictures.lit,
-        pictures.usual, pictures.noise, state.certainty(), state.weights, state.tints, state.widths, state.pulls,
-        angle, state.normals, state.albedo, stiffness,
-    )  # fmt: skip
-    return stiffness
+    search(*state.given(), angle, state.normals, state.albedo)

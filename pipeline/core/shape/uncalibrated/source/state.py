@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +108,14 @@ class State:
         """Return what a squared lobe, weight times tint, adds to the sum (P, 1)."""
         level = np.exp(2.0 * np.log(self.strengths).mean())
         return np.asarray(UNSEEN / 3.0 * level / self.pictures.usual[:, None] ** 2)
+
+    def given(self) -> tuple[Any, ...]:
+        """Return what the kernels of :mod:`.normals` take beside the normals."""
+        p = self.pictures
+        return (
+            p.views, np.ascontiguousarray(self.directions), self.strengths, p.values, p.lit, p.usual, p.noise,
+            self.certainty(), self.weights, self.tints, self.widths, self.pulls,
+        )  # fmt: skip
 
     def noted(self, step: str) -> None:
         """Write down the sum after a step."""
