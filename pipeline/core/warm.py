@@ -19,7 +19,7 @@ from .lights import Lights
 from .progress import finish
 from .reflectance import ReflectanceSettings
 from .reflectance.fit import fit
-from .relight import INTERPOLATIONS, RelightSettings
+from .relight import INTERPOLATIONS, RelightSettings, compact
 from .relight.emitters import point
 from .relight.render import prepare, relit
 from .rig import sphere
@@ -34,7 +34,7 @@ PHOTOGRAPHS = 12  # under lights that are not known
 
 
 def main() -> None:
-    """Solve shape and reflectance of the ball by every objective and method, and relight it by every interpolation."""
+    """Solve shape and reflectance of the ball by every objective and method, relight it by every interpolation."""
     with tempfile.TemporaryDirectory() as folder:
         capture = drawn(Path(folder))
         for objective in OBJECTIVES:
@@ -51,12 +51,15 @@ def main() -> None:
         facing = capture.select(np.argsort(capture.lights.position[: LIGHTS[0], 2])[-PHOTOGRAPHS:])
         nowhere = dataclasses.replace(facing.lights, kind="unknown", position=0 * facing.lights.position)
         photographs = dataclasses.replace(facing, lights=nowhere)
-        finish(uncalibrated.recover(photographs, dataclasses.replace(ShapeSettings(), method="uncalibrated")))
+        for objective in OBJECTIVES:
+            unknown = dataclasses.replace(ShapeSettings(), method="uncalibrated", objective=objective)
+            finish(uncalibrated.recover(photographs, unknown))
         finish(fit(shape, capture, ReflectanceSettings()))
         light_a_point()
         for interpolation in INTERPOLATIONS:
             prepared = finish(prepare(capture, shape, RelightSettings(interpolation=interpolation)))
             finish(relit(prepared, [point([1.0, 2.0, 1.5], [1.0] * 3)]))
+        finish(compact.write(Path(folder) / "compact.npz", capture, shape, rate=5, memory=RelightSettings().memory))
 
 
 def light_a_point() -> None:
