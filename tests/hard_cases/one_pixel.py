@@ -31,7 +31,7 @@ def run() -> list[Outcome]:
     shape = drawn.solved(single)
     error = float(drawn.errors(shape, ball).max())
     try:
-        triangles, told = len(relief(shape).triangles), "made triangles of it"
+        triangles, told = len(relief(shape).faces), "made triangles of it"
     except LightsphereError as refused:
         triangles, told = 0, f"said: {refused}"
     lobe = finish(fit.fit(shape, single, ReflectanceSettings(model="ggx"))).notes["material_rel_rms"]

@@ -120,38 +120,6 @@ def examined(
     return choose(tried).model, [one.as_json() for one in tried]
 
 
-def settled(
-    room: Room,
-    number: int,
-    mask: NDArray[np.bool_],
-    photograph: Array,
-    weight: Array,
-    seeds: tuple[int, int],
-    times: int,
-    going: Callable[[], bool],
-) -> Work[Model]:
-    """Return a group's model with the lobe that explains most near its own, and the reflectances that follow.
-
-    Renders have so many times the samples of a first look: where few pixels show a lobe, its width and its reflectance
-    make up for each other, and the noise of usual renders says where between them a descent ends.
-
-    Parameters
-    ----------
-    room, number, mask, photograph, weight, seeds
-        See :func:`examined`.
-    times : int
-    going : callable
-        Whether there is time for another step; the best so far is returned where there is not.
-    """
-    now = room.models[number]
-    group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised=False, times=times)
-    start = _plastic(now.alpha) if now.level == "plastic" else _glossy(now.alpha, now.ratio, now.angle)
-    kinds = SHAPES if now.level == "anisotropic" else SHAPES[:1]
-    lobe, fit = yield from group.descended(dataclasses.replace(start, distribution=now.distribution), kinds, going)
-    rho_d, *rho_s = map(_within, fit.factors)  # of a plastic the first alone
-    return dataclasses.replace(lobe, level=now.level, diffuse=rho_d, specular=rho_s[0] if rho_s else now.specular)
-
-
 def _lobes(
     group: _Group, now: Model, levels: Sequence[str], closer: int, distributions: Sequence[str], angles: Sequence[float]
 ) -> Work[dict[str, Model]]:
@@ -282,9 +250,7 @@ class _Group:
                 best, least = found, fit
         return best, least
 
-    def descended(
-        self, lobe: Model, kinds: Sequence[str], going: Callable[[], bool] = lambda: True
-    ) -> Work[tuple[Model, Fit]]:
+    def descended(self, lobe: Model, kinds: Sequence[str]) -> Work[tuple[Model, Fit]]:
         """Return the lobe that steps of Gauss and Newton lead to, each taken only if it leaves less unexplained.
 
         Reflectances are solved for at every step. Seeds stay the same, so that the error is a smooth function of the
@@ -294,8 +260,6 @@ class _Group:
         fit, damping = self.fitted(*parts), DAMPING
         changes: list[Array] = []
         for _ in range(STEPS_DOWN):
-            if not going():
-                break
             for kind in () if changes else kinds:
                 there = self.parts(moved(lobe, kind, STEPS[kind]))
                 changes.append((_sum(there, fit.factors) - _sum(parts, fit.factors)) / STEPS[kind])

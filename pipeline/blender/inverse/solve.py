@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from functools import partial
@@ -30,9 +31,10 @@ from .evidence import STEADY, Evidence
 from .found import Found
 from .groups import place_of
 from .lamps import found_lamps, start_lamps
-from .levels import ANGLES, Tried, examined, perfected, settled, simplest
+from .levels import ANGLES, Tried, examined, perfected, simplest
 from .paint import paint
 from .room import Room, State
+from .settle import settle
 from .together import LONGEST, Unknown, derivatives, step, unknowns
 
 Array = NDArray[np.float64]
@@ -46,7 +48,7 @@ COARSE = 0.15  # relative error that is left, above which what varies smoothly h
 FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
 LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which lobes are looked at again
-SETTLING, SETTLE_END = 16, 0.8  # times the samples by which they settle, share of the budget after which that ends
+SETTLE_END = 0.8  # share of the budget after which lobes settle no more
 MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
@@ -219,13 +221,10 @@ class Search:
         """Let the shapes of lobes settle by many samples, those that the fewest pixels show first."""
         glossy = [number for number, model in enumerate(self.room.models) if "alpha" in FREE[model.level]]
         for number in sorted(glossy, key=lambda n: int(self.masks[n].sum())):
-            if self._spent() > SETTLE_END:
-                break
-            seen = self.masks[number], self.evidence.photograph, self.evidence.weight
-            seeds = self.evidence.next_seed(), self.evidence.next_seed()
-            work = settled(self.room, number, *seen, seeds, SETTLING, lambda: self._spent() < SETTLE_END)
-            with self.room.counted(self.costs[number]):
-                self._choose(number, (yield from retold(work, partial(self._told, "settle"))))
+            work = settle(self.evidence, number)
+            with self.room.counted(self.costs[number]), contextlib.closing(work):
+                while self._spent() < SETTLE_END and next(work, None):
+                    yield self._step("settle")
 
     def _told(self, words: str, _: Progress) -> Progress:
         return self._step(words)

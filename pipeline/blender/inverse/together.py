@@ -20,6 +20,7 @@ Unknown = tuple[int, str]  # a group and a kind of its parameters, or a lamp and
 DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 6000  # a pixel of the whole picture; on a group's own pixels
 UNSEEN = 1e-3  # share of the largest derivative below which nothing in the picture tells of a group
 LONGEST = 0.7  # of a step: a factor of two
+BRIGHT = 0.8  # reflectance
 MOST_CHANGE = 2.0  # of a pixel by the logarithm of a parameter, in radiances about it
 
 
@@ -46,30 +47,57 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     seeds = [evidence.next_seed() for _ in range(2)]
     each = evidence.samples(DERIVATIVE_SAMPLES)
     whole = [room.render(each, seed, True) for seed in seeds]
-    # any instrument will do, and one without fireflies does best; no parameter changes more than this
-    bound = MOST_CHANGE * np.sqrt(1 / np.maximum(weights(evidence.photograph), 1e-30))
     found = np.zeros((2, len(wanted), *evidence.photograph.shape))
-    own: dict[int, list[Array]] = {}
+    lobed: dict[int, list[int]] = {}
     for place, (number, kind) in enumerate(wanted):
-        by = STEPS[kind] * (-1.0 if kind in COLOURED and getattr(room.models[number], kind).max() > 0.8 else 1.0)
         mask = evidence.masks[number] if kind != POWER else None
         if mask is None or not mask.any():
             if kind in ("diffuse", POWER):
+                by = _away(room, number, kind)
                 with room.moving(number, kind, by):
                     for s, seed in enumerate(seeds):
                         found[s, place] = (room.render(each, seed, True) - whole[s]) / by
+                yield Progress("derivatives", place + 1, len(wanted))
         elif room.models[number].level == "diffuse":  # it is all that it shows
             found[:, place, mask] = [shown[mask] for shown in whole]
         else:
-            samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
-            if number not in own:
-                own[number] = [room.pixels(mask, samples, seed, True) for seed in seeds]
-            with room.moving(number, kind, by):
-                for s, seed in enumerate(seeds):
-                    found[s, place][mask] = (room.pixels(mask, samples, seed, True) - own[number][s]) / by
-        yield Progress("derivatives", place + 1, len(wanted))
+            lobed.setdefault(number, []).append(place)
+    for number, places in lobed.items():
+        mask = evidence.masks[number]
+        samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
+        own = yield from own_derivatives(evidence, number, [wanted[place][1] for place in places], samples)
+        for place, slopes in zip(places, own.swapaxes(0, 1), strict=True):
+            found[:, place, mask] = slopes
     _let_glow(evidence, wanted, found, each, seeds)
-    return np.clip(found, -bound, bound)
+    most = _most(evidence.photograph)
+    return np.clip(found, -most, most)
+
+
+def own_derivatives(evidence: Evidence, number: int, kinds: Sequence[str], samples: int) -> Work[Array]:
+    """Return the change of a group's own pixels by some of its parameters, by two seeds: (2, N, P, 3)."""
+    room, mask = evidence.room, evidence.masks[number]
+    seeds = [evidence.next_seed() for _ in range(2)]
+    now = [room.pixels(mask, samples, seed, True) for seed in seeds]
+    found = np.zeros((2, len(kinds), *now[0].shape))
+    for place, kind in enumerate(kinds):
+        by = _away(room, number, kind)
+        with room.moving(number, kind, by):
+            for s, seed in enumerate(seeds):
+                found[s, place] = (room.pixels(mask, samples, seed, True) - now[s]) / by
+        yield Progress("derivatives", place + 1, len(kinds))
+    most = _most(evidence.photograph)[mask]
+    return np.clip(found, -most, most)
+
+
+def _away(room: Room, number: int, kind: str) -> float:
+    """Return by what a parameter is moved to see what changes: reflectances that are almost 1 to darker ones."""
+    bright = kind in COLOURED and getattr(room.models[number], kind).max() > BRIGHT
+    return -STEPS[kind] if bright else STEPS[kind]
+
+
+def _most(photograph: Array) -> Array:
+    """Return what a parameter can change, (H, W, 3): any instrument will do, and one without fireflies does best."""
+    return MOST_CHANGE * np.sqrt(1 / np.maximum(weights(photograph), 1e-30))
 
 
 def _let_glow(evidence: Evidence, wanted: Sequence[Unknown], found: Array, samples: int, seeds: Sequence[int]) -> None:

@@ -66,6 +66,32 @@ def test_inner_vertices_are_the_recovered_points_and_their_texture_places(model:
     assert np.abs(place - np.round(place)).max() <= 0.5
 
 
+@pytest.mark.parametrize("model", VIEWS)
+def test_the_contour_of_a_ball_has_no_teeth(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen from the side a contour is where depth is steepest: pixel centres alone zigzag by pixels there."""
+    shape = synthetic.ball(synthetic.camera(96, model))
+    footprint, radius = 2.0 / 96, np.nanmedian(np.linalg.norm(shape.points(), axis=-1))
+    contour = border(relief(shape))
+    assert teeth(contour) < 0.7 * footprint
+    assert np.abs(np.linalg.norm(contour, axis=-1) - radius).max() < 0.7 * footprint
+    monkeypatch.setattr("pipeline.core.shape.mesh.PASSES", 0)
+    assert teeth(border(relief(shape))) > 1.2 * footprint
+
+
+def border(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the border's vertices (N, 3) about the line of sight."""
+    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    found = mesh.vertices[np.unique(unique[count == 1])]
+    return found[np.argsort(np.arctan2(found[:, 0], found[:, 1]))]
+
+
+def teeth(loop: NDArray[np.float64]) -> float:
+    """Mean distance in depth of a loop's points (N, 3) from the middle of both neighbours [m]."""
+    depth = loop[:, 2]
+    return float(np.abs(depth - (np.roll(depth, 1) + np.roll(depth, -1)) / 2).mean())
+
+
 def test_border_vertices_stay_on_the_surface() -> None:
     mesh = relief(synthetic.plane(synthetic.camera(), tilted(40)))
     assert np.abs(mesh.vertices @ tilted(40)).max() < tolerances.MESH_POINT
