@@ -5,9 +5,9 @@ ends where their noise has a valley. Here every step of Gauss and Newton is take
 the mean of several looks, and steps become shorter, so that the lobe ends in the mean of what all renders say (Robbins
 and Monro 1951)::
 
-    x <- x + g (J^T W J)^-1 J^T W (photograph - render)        g = 1 for the first LOOKS, then 1, 2/3, 2/4, 2/5, ...
+    x <- x + (J^T W J)^-1 J^T W (photograph - render) / n        n = 1 + how often the step of a parameter turned
 
-Noise in J, which is not the renders', shortens steps and leaves where they end.
+(Kesten 1958). Noise in J, which is not the renders', shortens steps and leaves where they end.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...core.progress import Progress, Work
 from . import levels, together
 from .evidence import Evidence
 
-LOOKS, ROUNDS = 4, 10
+LOOKS, ROUNDS = 4, 14
 ENOUGH, MOST = 320_000, 1024  # samples on a group's pixels, and on one of them, of a render beside the photograph
 LESS = 4  # times fewer of a look at derivatives
 DAMPING = 1e-3
@@ -37,6 +37,7 @@ def settle(evidence: Evidence, number: int) -> Work[None]:
     wanted = [(number, kind) for kind in kinds]
     slopes = np.zeros((len(kinds), *mask.shape, 3))
     missing = np.zeros((2, *mask.shape, 3))
+    turned, last = np.zeros((2, len(kinds), 3))
     try:
         for turn in range(ROUNDS):
             if turn < LOOKS:
@@ -46,10 +47,11 @@ def settle(evidence: Evidence, number: int) -> Work[None]:
                 shown = room.pixels(mask, samples, evidence.next_seed(), steady=True)
                 one[mask] = evidence.photograph[mask] - shown
             moves, *_ = together.step(evidence, wanted, np.stack([slopes, slopes]), missing, DAMPING)
-            gain = 2 / max(2, turn - LOOKS + 2)
-            for kind, by in zip(kinds, moves, strict=True):
+            for place, (kind, by) in enumerate(zip(kinds, moves, strict=True)):
                 longest = levels.LONGEST.get(kind, together.LONGEST)
-                room.move(number, kind, gain * np.clip(by, -longest, longest))
+                turned[place] += by * last[place] < 0
+                last[place] = by
+                room.move(number, kind, np.clip(by, -longest, longest) / (1 + turned[place]))
             is_sure = turn + 1 >= LOOKS
             yield Progress("settle", turn + 1, ROUNDS)
     finally:

@@ -17,7 +17,8 @@ from .room import Room
 
 Array = NDArray[np.float64]
 Unknown = tuple[int, str]  # a group and a kind of its parameters, or a lamp and POWER
-DERIVATIVE_SAMPLES, DERIVATIVE_ENOUGH = 2, 6000  # a pixel of the whole picture; on a group's own pixels
+DERIVATIVE_SAMPLES, UNSEEN_SAMPLES = 2, 8  # a pixel of the whole picture; by what only reflections tell of
+DERIVATIVE_ENOUGH = 6000  # samples on a group's own pixels
 UNSEEN = 1e-3  # share of the largest derivative below which nothing in the picture tells of a group
 LONGEST = 0.7  # of a step: a factor of two
 BRIGHT = 0.8  # reflectance
@@ -53,10 +54,7 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
         mask = evidence.masks[number] if kind != POWER else None
         if mask is None or not mask.any():
             if kind in ("diffuse", POWER):
-                by = _away(room, number, kind)
-                with room.moving(number, kind, by):
-                    for s, seed in enumerate(seeds):
-                        found[s, place] = (room.render(each, seed, True) - whole[s]) / by
+                found[:, place] = _of_whole(room, number, kind, evidence.samples(UNSEEN_SAMPLES), seeds)
                 yield Progress("derivatives", place + 1, len(wanted))
         elif room.models[number].level == "diffuse":  # it is all that it shows
             found[:, place, mask] = [shown[mask] for shown in whole]
@@ -71,6 +69,14 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     _let_glow(evidence, wanted, found, each, seeds)
     most = _most(evidence.photograph)
     return np.clip(found, -most, most)
+
+
+def _of_whole(room: Room, number: int, kind: str, samples: int, seeds: Sequence[int]) -> Array:
+    """Return the change of the whole picture by a parameter, by two seeds: (2, H, W, 3)."""
+    by = _away(room, number, kind)
+    now = np.stack([room.render(samples, seed, True) for seed in seeds])
+    with room.moving(number, kind, by):
+        return (np.stack([room.render(samples, seed, True) for seed in seeds]) - now) / by
 
 
 def own_derivatives(evidence: Evidence, number: int, kinds: Sequence[str], samples: int) -> Work[Array]:
