@@ -152,6 +152,15 @@ class LIGHTSPHERE_OT_capture(StageOperator, bpy.types.Operator):
         return runs.Run(STAGES[self.stage], context.scene, stopped)
 
 
+class LIGHTSPHERE_OT_plan(StageOperator, bpy.types.Operator):
+    """Try which effects of light the pictures need, what each adds and takes; the capture does so, too. Esc stops"""
+
+    bl_idname = "lightsphere.plan"
+    bl_label = "Plan Effects"
+    bl_options = {"UNDO"}
+    stage = "plan"
+
+
 class LIGHTSPHERE_OT_import_photographs(StageOperator, bpy.types.Operator):
     """Make a capture from photographs of an object under one light at a time. Esc stops"""
 
@@ -363,6 +372,7 @@ def show(context: bpy.types.Context, run: runs.Run | None) -> None:
 CLASSES = (
     LIGHTSPHERE_OT_add_rig,
     LIGHTSPHERE_OT_capture,
+    LIGHTSPHERE_OT_plan,
     LIGHTSPHERE_OT_import_photographs,
     LIGHTSPHERE_OT_shape,
     LIGHTSPHERE_OT_profile,

@@ -98,6 +98,22 @@ class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
         if runs.stopped_capture() is not None and runs.running is None:
             self.layout.operator("lightsphere.capture", text="Continue the Stopped Capture").resume = True
 
+    def draw_results(self, context: bpy.types.Context) -> None:
+        header, body = self.layout.panel("LIGHTSPHERE_capture_effects", default_closed=True)
+        header.label(text="Effects of Light")
+        if body is None:
+            return
+        body.operator("lightsphere.plan", icon="LIGHT")
+        column = body.column(align=True)
+        column.use_property_split = False
+        for effect in context.scene.lightsphere.effects:
+            row = column.split(factor=0.6)
+            if effect.switch:
+                row.prop(effect, "simulated", text=effect.name.capitalize())
+            else:
+                row.label(text=effect.name.capitalize(), icon="CHECKMARK" if effect.planned else "X")
+            row.label(text=effect.adds, translate=False)
+
 
 class LIGHTSPHERE_PT_import_photographs(StagePanel, bpy.types.Panel):
     """Photographs in place of rendered pictures."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +18,11 @@ from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.relight import RelightSettings
 from ..pipeline.core.shape.settings import ShapeSettings
-from . import comparison, groups, results, settings
+from . import comparison, effects, groups, results, settings
 
 SCENE_COPY = "scene.blend"
 PLOT = "profile.png"
+PLAN = "plan.json"
 KEPT_RATE = "20"
 
 
@@ -95,6 +99,27 @@ class Capture(Stage):
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
         return bring_pictures(scene, folder)
+
+
+class Plan(Stage):
+    """Find out which effects of light the capture needs."""
+
+    name = "plan"
+    doing = "Planning"
+
+    def lacks(self, scene: bpy.types.Scene) -> str:
+        return STAGES["capture"].lacks(scene)
+
+    def words(self, scene: bpy.types.Scene, folder: Path) -> list[str]:
+        chosen = dataclasses.replace(STAGES["capture"].chosen(scene), simulate="", leave_out="")
+        figures = ["--lights=rig", "--json", str(folder / PLAN)]
+        return ["plan", saved_copy(folder), *figures, *settings.options(chosen)]
+
+    def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
+        planned = json.loads((folder / PLAN).read_text(encoding="utf-8"))["effects"]
+        effects.bring(scene, planned)
+        shutil.rmtree(folder)  # the scene keeps it
+        return f"The pictures need {', '.join(one['effect'] for one in planned if one['simulated'])}"
 
 
 class Import(Stage):
@@ -308,6 +333,7 @@ STAGES: dict[str, Stage] = {
     stage.name: stage
     for stage in (
         Capture(),
+        Plan(),
         Import(),
         Shape(),
         Profile(),

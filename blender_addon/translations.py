@@ -27,6 +27,22 @@ GERMAN = {
     "Compare with the Capture": "Mit der Aufnahme vergleichen",
     "Estimate Time and Error": "Zeit und Fehler schätzen",
     "Use Preset": "Voreinstellung benutzen",
+    "Plan Effects": "Effekte planen",
+    "Effects of Light": "Effekte des Lichts",
+    "Cast shadows": "Schlagschatten",
+    "Near-light fall-off": "Abfall naher Lichter",
+    "Diffuse interreflection": "Diffuses Licht zwischen Flächen",
+    "Glossy interreflection": "Spiegelndes Licht zwischen Flächen",
+    "Caustics": "Kaustiken",
+    "Transmission": "Durchlässigkeit",
+    "Volumes": "Volumen",
+    "Subsurface": "Streuung unter der Oberfläche",
+    "Emission": "Leuchten",
+    "Depth of field": "Schärfentiefe",
+    "Motion blur": "Bewegungsunschärfe",
+    "Sensor noise": "Sensorrauschen",
+    "Saturation": "Übersteuerung",
+    "{} % of the time": "{} % der Zeit",
     "Draft": "Entwurf",
     "Standard": "Standard",
     "Final": "Endfassung",
@@ -53,6 +69,14 @@ GERMAN = {
     ),
     "Render one picture per light of the rig with Cycles, on a saved copy of this file. Esc stops": (
         "Rendert mit Cycles ein Bild je Licht des Gerüsts, auf einer gespeicherten Kopie der Datei. Esc hält an"
+    ),
+    "Try which effects of light the pictures need, what each adds and takes; the capture does so, too. Esc stops": (
+        "Probiert, welche Effekte des Lichts die Bilder brauchen, was jeder beiträgt und kostet; die Aufnahme tut das "
+        "auch. Esc hält an"
+    ),
+    "Whether the capture simulates this effect; what differs from the plan is simulated or left out whatever it adds": (
+        "Ob die Aufnahme diesen Effekt simuliert; was vom Plan abweicht, wird simuliert oder weggelassen, was immer es "
+        "beiträgt"
     ),
     "Make a capture from photographs of an object under one light at a time. Esc stops": (
         "Macht eine Aufnahme aus Fotos eines Objekts unter je einem Licht. Esc hält an"

@@ -76,11 +76,11 @@ class FirstHits:
     is_object : (H, W) bool
         Whether a surface is hit that is not backdrop.
     material : (H, W) int
-        Number of the material, 0 for none.
+        Number of the material, 0 where nothing is hit.
     position : (H, W, 3) float32
         In the world [m].
     names : dict of int to str
-        Of the materials.
+        Of the materials, and of what surfaces without one show.
     """
 
     is_object: NDArray[np.bool_]
@@ -94,7 +94,10 @@ def first_hits(scene: bpy.types.Scene, camera: Camera) -> FirstHits:
     with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(scene):
         passes = _render(scene, camera, Path(folder))
     names = {number: material.name for material, number in numbered(scene).items()}
+    bare = len(names) + 1
+    names[bare] = "no material"
     material = passes["material"][..., 0].astype(np.int64)
+    material[(material == 0) & (passes["object"][..., 0] > 0)] = bare
     return FirstHits(passes["object"][..., 0] == OBJECT_INDEX, material, passes["position"], names)
 
 

@@ -41,15 +41,16 @@ class CaptureSettings:
 
     def __post_init__(self) -> None:
         """Raise LightsphereError for an override that is not an effect."""
-        _overrides(self.simulate, self.leave_out)
+        overrides(self.simulate, self.leave_out)
 
     @property
     def overrides(self) -> dict[str, bool]:
         """Which effects the user decides, and how."""
-        return _overrides(self.simulate, self.leave_out)
+        return overrides(self.simulate, self.leave_out)
 
 
-def _overrides(simulate: str, leave_out: str) -> dict[str, bool]:
+def overrides(simulate: str, leave_out: str) -> dict[str, bool]:
+    """Return which effects two texts of names decide, and how; raise LightsphereError for a name that is none."""
     found: dict[str, bool] = {}
     for words, on in ((simulate, True), (leave_out, False)):
         for word in filter(None, (part.strip() for part in words.split(","))):

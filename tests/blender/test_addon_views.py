@@ -15,6 +15,7 @@ from mathutils import Vector
 
 from pipeline.blender import cycles, pixels
 from pipeline.blender import scene as scenes
+from pipeline.blender.plan import effects
 from tests.addon import ball_before_camera, part
 from tests.photographed import directions, lambert, listed, png
 
@@ -82,6 +83,28 @@ def test_a_preset_of_the_capture_takes_samples(scene: bpy.types.Scene) -> None:
     bpy.ops.lightsphere.preset(stage="capture", preset="final")
     assert scene.lightsphere.capture.samples == found["final"]["settings"]["samples"]
     assert found["final"]["settings"]["samples"] > found["draft"]["settings"]["samples"]
+
+
+def test_effects_are_planned_and_decided_by_check_boxes(scene: bpy.types.Scene) -> None:
+    bpy.ops.mesh.primitive_plane_add(size=6, location=(0, 0, -1))  # light bounces from it
+    shown = scene.lightsphere
+    shown.capture.effects, shown.capture.error = "auto", 0.5
+    shown.capture.leave_out = "diffuse"  # the artist's, not the plan's
+    assert bpy.ops.lightsphere.plan() == {"FINISHED"}
+    assert not list(part("runs").results_folder().glob("plan_*"))
+    bounced, shadows = shown.effects["diffuse interreflection"], shown.effects["cast shadows"]
+    assert bounced.planned and not bounced.simulated and "%" in bounced.adds
+    assert shadows.planned and not shadows.switch
+    assert not shown.effects["transmission"].switch  # there is nothing to decide
+    bounced.simulated = True  # as planned
+    assert shown.capture.leave_out == shown.capture.simulate == ""
+    bounced.simulated = False
+    assert (shown.capture.simulate, shown.capture.leave_out) == ("", "diffuse")
+    shown.capture.leave_out = "nonsense"
+    assert bounced.simulated
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    assert bpy.context.scene.lightsphere.effects["diffuse interreflection"].planned
 
 
 def test_a_stopped_estimate_leaves_nothing(captured: bpy.types.Scene) -> None:
@@ -325,8 +348,10 @@ def test_labels_buttons_and_tooltips_are_translated(addon: None) -> None:
         item for stage in part("stages").STAGES.values() if hasattr(stage, "settings") for item in fields_of(stage)
     ]
     settings = {name.replace("_", " ").title() for name in fields}
-    assert not (settings | set(part("costs").WORDS.values())) - set(words)
+    named = (effects.SHADOWS, effects.FALL_OFF, *effects.SWITCHES, *effects.INSIDE, effects.NOISE, effects.SATURATION)
+    planned = {name.capitalize() for name in named}
+    assert not (settings | planned | set(part("costs").WORDS.values())) - set(words)
     folder = Path(part("stages").__file__).parent
     source = "".join(path.read_text() for path in folder.glob("*.py") if path.name != "translations.py")
-    known = settings | tips | {"Draft", "Standard", "Final"}
+    known = settings | tips | planned | {"Draft", "Standard", "Final"}
     assert not [key for key in words if f'"{key}' not in source and key not in known]  # what nobody shows

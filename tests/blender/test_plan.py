@@ -67,6 +67,18 @@ def test_two_convex_bodies_or_one_with_a_dent_face_each_other() -> None:
     assert "diffuse interreflection" not in contents.ruled_out(scene)
 
 
+def test_surfaces_without_a_material_count_too() -> None:
+    import bpy
+
+    scene = small_scenes.lambert(0.8)
+    bpy.ops.mesh.primitive_plane_add(size=2.4, location=(0, 0, -1))
+    for item in scene.objects:
+        if item.type == "MESH":
+            item.data.materials.clear()
+    bounced = rows(planned(scene, error=0.5))["diffuse interreflection"]
+    assert bounced.simulated and bounced.group == "no material" and bounced.contribution_pct > 1
+
+
 def test_an_open_bowl_faces_itself_and_a_plane_does_not() -> None:
     import bmesh
     import bpy

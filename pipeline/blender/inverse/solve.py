@@ -49,6 +49,7 @@ FINE = 0.5  # share of what is left that varies over few pixels, above which wha
 LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which lobes are looked at again
 SETTLE_END = 0.8  # share of the budget after which lobes settle no more
+SETTLED_TURNS = 3  # of their reflectances' steps, as if they had turned so often
 MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
@@ -93,6 +94,7 @@ class Search:
         self.patterned: set[int] = set()  # groups whose picture no lobe explains
         self.tried: list[list[dict[str, Any]]] = [[] for _ in names]
         self.costs = [{"renders": 0.0, "seconds": 0.0} for _ in names]  # of what was rendered for one group alone
+        self.turned: dict[int, int] = {}  # how often the steps of groups that settled have turned
         self.deviations: dict[Unknown, list[float]] = {}
         self.seen = ["directly" if mask.any() else "not at all" for mask in self.masks]
         self.history: list[dict[str, Any]] = []
@@ -221,13 +223,12 @@ class Search:
         """Let the shapes of lobes settle by many samples, those that the fewest pixels show first."""
         glossy = [number for number, model in enumerate(self.room.models) if "alpha" in FREE[model.level]]
         for number in sorted(glossy, key=lambda n: int(self.masks[n].sum())):
-            work = settle(self.evidence, number)
+            work, before = settle(self.evidence, number), self.room.models[number]
             with self.room.counted(self.costs[number]), contextlib.closing(work):
                 while self._spent() < SETTLE_END and next(work, None):
                     yield self._step("settle")
-
-    def _told(self, words: str, _: Progress) -> Progress:
-        return self._step(words)
+            if self.room.models[number] is not before:
+                self.turned[number] = SETTLED_TURNS
 
     def _choose_better(self, number: int, model: Model) -> None:
         """Choose a model unless what its level leaves free is told better by all groups together, or by their ratio."""
@@ -264,7 +265,7 @@ class Search:
         angles = ANGLES if angle is None else (*self.scanned, angle)
         rest = (choose, denoised, closer, self.distributions, angles)
         work = examined(self.room, number, mask, photograph, weight, levels, seeds, *rest)
-        told = partial(self._told, f"levels of {self.room.groups[number].name}")
+        told = partial(self._step, f"levels of {self.room.groups[number].name}")
         with self.room.counted(self.costs[number]):
             model, self.tried[number] = yield from retold(work, told)
         return model
@@ -310,10 +311,11 @@ class Search:
         if not wanted:  # all is known, or a texture
             return
         free = [place for place, (_, kind) in enumerate(wanted) if kind in (*COLOURED, POWER)]
-        slopes = yield from retold(derivatives(evidence, wanted), partial(self._told, "derivatives"))
+        slopes = yield from retold(derivatives(evidence, wanted), partial(self._step, "derivatives"))
         best: tuple[float, State, Array] | None = None
-        turns = [np.zeros(3 if wanted[place][1] in COLOURED else 1) for place in free]
-        last = [np.zeros_like(one) for one in turns]
+        moving = [wanted[place] for place in free]
+        turns = [np.full(3 if kind in COLOURED else 1, self.turned.get(number, 0)) for number, kind in moving]
+        last = [np.zeros(len(one)) for one in turns]
         lasts = 0.0  # of a round, as a share of the budget
         for turn in range(rounds):
             begun = self._spent()
@@ -326,7 +328,6 @@ class Search:
                 residuals, damping = best[2], 10 * damping
             elif best is None or error < best[0]:
                 best = error, self.room.state(), residuals
-            moving = [wanted[place] for place in free]
             moves, spread, untold, self.condition = step(evidence, moving, slopes[:, free], residuals, damping)
             if len(free) < len(wanted):
                 _, spread, _, self.condition = step(evidence, wanted, slopes, residuals, damping)
@@ -382,7 +383,7 @@ class Search:
         """Return what share of the budget is spent."""
         return (time.perf_counter() - self.start) / self.settings.budget
 
-    def _step(self, stage: str) -> Progress:
+    def _step(self, stage: str, _: Progress | None = None) -> Progress:
         return Progress(stage, min(self._spent(), 1.0) * self.settings.budget, self.settings.budget, "s")
 
     def _note(self, stage: str, residuals: Array) -> None:
