@@ -42,8 +42,7 @@ class LIGHTSPHERE_PG_effect(bpy.types.PropertyGroup):
     planned: bpy.props.BoolProperty()
     simulated: bpy.props.BoolProperty(
         name="Simulate",
-        description="Whether the capture simulates this effect; what differs from the plan is simulated or left out "
-        "whatever it adds",
+        description="Whether the capture simulates this effect; what you decide is done, whatever it adds",
         get=_is_simulated,
         set=_decide,
     )

@@ -74,9 +74,8 @@ GERMAN = {
         "Probiert, welche Effekte des Lichts die Bilder brauchen, was jeder beiträgt und kostet; die Aufnahme tut das "
         "auch. Esc hält an"
     ),
-    "Whether the capture simulates this effect; what differs from the plan is simulated or left out whatever it adds": (
-        "Ob die Aufnahme diesen Effekt simuliert; was vom Plan abweicht, wird simuliert oder weggelassen, was immer es "
-        "beiträgt"
+    "Whether the capture simulates this effect; what you decide is done, whatever it adds": (
+        "Ob die Aufnahme diesen Effekt simuliert; was man entscheidet, gilt, was immer es beiträgt"
     ),
     "Make a capture from photographs of an object under one light at a time. Esc stops": (
         "Macht eine Aufnahme aus Fotos eines Objekts unter je einem Licht. Esc hält an"
