@@ -106,7 +106,7 @@ class LIGHTSPHERE_PT_capture(StagePanel, bpy.types.Panel):
         body.operator("lightsphere.plan", icon="LIGHT")
         column = body.column(align=True)
         column.use_property_split = False
-        for effect in context.scene.lightsphere.effects:
+        for effect in context.scene.lightsphere.plan:
             row = column.split(factor=0.6)
             if effect.switch:
                 row.prop(effect, "simulated", text=effect.name.capitalize())

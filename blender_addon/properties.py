@@ -12,7 +12,7 @@ from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.relight import RelightSettings
 from ..pipeline.core.shape.settings import ShapeSettings
-from . import comparison, effects, layers, results, settings
+from . import comparison, layers, plan, results, settings
 
 OF_RIG = ("inner", "outer", "radius_inner", "radius_outer")  # settings that the scene's rig follows
 
@@ -78,7 +78,7 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
     )
     comparison_folder: _folder("Comparison", "Folder of the comparison that is shown")
 
-    effects: bpy.props.CollectionProperty(type=effects.LIGHTSPHERE_PG_effect)
+    plan: bpy.props.CollectionProperty(type=plan.LIGHTSPHERE_PG_effect)
     groups: bpy.props.CollectionProperty(type=LIGHTSPHERE_PG_group)
     group: bpy.props.IntProperty(name="Group", description="The group that is chosen in the list")
     pixel: bpy.props.IntVectorProperty(name="Pixel", description="Row and column of the pixel that is plotted", size=2)
@@ -111,7 +111,7 @@ class LIGHTSPHERE_PG_scene(bpy.types.PropertyGroup):
 
 
 CLASSES = (
-    *effects.CLASSES,
+    *plan.CLASSES,
     LIGHTSPHERE_PG_capture,
     LIGHTSPHERE_PG_import_photographs,
     LIGHTSPHERE_PG_shape,

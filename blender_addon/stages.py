@@ -18,7 +18,7 @@ from ..pipeline.core.photographs.settings import ImportSettings
 from ..pipeline.core.reflectance import ReflectanceSettings
 from ..pipeline.core.relight import RelightSettings
 from ..pipeline.core.shape.settings import ShapeSettings
-from . import comparison, effects, groups, results, settings
+from . import comparison, groups, plan, results, settings
 
 SCENE_COPY = "scene.blend"
 PLOT = "profile.png"
@@ -117,9 +117,13 @@ class Plan(Stage):
 
     def bring(self, scene: bpy.types.Scene, folder: Path) -> str:
         planned = json.loads((folder / PLAN).read_text(encoding="utf-8"))["effects"]
-        effects.bring(scene, planned)
+        plan.bring(scene, planned)
         shutil.rmtree(folder)  # the scene keeps it
         return f"The pictures need {', '.join(one['effect'] for one in planned if one['simulated'])}"
+
+    def left(self, scene: bpy.types.Scene, folder: Path) -> str:
+        shutil.rmtree(folder)
+        return "nothing was planned"
 
 
 class Import(Stage):

@@ -76,11 +76,11 @@ class FirstHits:
     is_object : (H, W) bool
         Whether a surface is hit that is not backdrop.
     material : (H, W) int
-        Number of the material, 0 where nothing is hit.
+        Number of the group of surfaces, see :func:`groups`.
     position : (H, W, 3) float32
         In the world [m].
     names : dict of int to str
-        Of the materials, and of what surfaces without one show.
+        Of the groups.
     """
 
     is_object: NDArray[np.bool_]
@@ -93,12 +93,21 @@ def first_hits(scene: bpy.types.Scene, camera: Camera) -> FirstHits:
     """Return what the pixels of a camera show, whatever shines in the scene."""
     with tempfile.TemporaryDirectory() as folder, cycles.own_lights_hidden(scene):
         passes = _render(scene, camera, Path(folder))
-    names = {number: material.name for material, number in numbered(scene).items()}
+    objects = passes["object"][..., 0]
+    material, names = groups(scene, passes["material"][..., 0].astype(np.int64), objects > 0)
+    return FirstHits(objects == OBJECT_INDEX, material, passes["position"], names)
+
+
+def groups(
+    scene: bpy.types.Scene, material: NDArray[np.int64], surface: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], dict[int, str]]:
+    """Return the group of surfaces that every pixel shows, by materials' numbers (H, W) and where a surface is (H, W).
+
+    What has no material is a group, too; 0 where no surface is. With the groups' names.
+    """
+    names = {number: one.name for one, number in numbered(scene).items()}
     bare = len(names) + 1
-    names[bare] = "no material"
-    material = passes["material"][..., 0].astype(np.int64)
-    material[(material == 0) & (passes["object"][..., 0] > 0)] = bare
-    return FirstHits(passes["object"][..., 0] == OBJECT_INDEX, material, passes["position"], names)
+    return np.where(surface, np.where(material > 0, material, bare), 0), names | {bare: "no material"}
 
 
 def render_passes(

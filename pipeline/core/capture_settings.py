@@ -41,16 +41,15 @@ class CaptureSettings:
 
     def __post_init__(self) -> None:
         """Raise LightsphereError for an override that is not an effect."""
-        overrides(self.simulate, self.leave_out)
+        _overrides(self.simulate, self.leave_out)
 
     @property
     def overrides(self) -> dict[str, bool]:
         """Which effects the user decides, and how."""
-        return overrides(self.simulate, self.leave_out)
+        return _overrides(self.simulate, self.leave_out)
 
 
-def overrides(simulate: str, leave_out: str) -> dict[str, bool]:
-    """Return which effects two texts of names decide, and how; raise LightsphereError for a name that is none."""
+def _overrides(simulate: str, leave_out: str) -> dict[str, bool]:
     found: dict[str, bool] = {}
     for words, on in ((simulate, True), (leave_out, False)):
         for word in filter(None, (part.strip() for part in words.split(","))):

@@ -92,10 +92,10 @@ def test_effects_are_planned_and_decided_by_check_boxes(scene: bpy.types.Scene) 
     shown.capture.leave_out = "diffuse"  # the artist's, not the plan's
     assert bpy.ops.lightsphere.plan() == {"FINISHED"}
     assert not list(part("runs").results_folder().glob("plan_*"))
-    bounced, shadows = shown.effects["diffuse interreflection"], shown.effects["cast shadows"]
+    bounced, shadows = shown.plan["diffuse interreflection"], shown.plan["cast shadows"]
     assert bounced.planned and not bounced.simulated and "%" in bounced.adds
     assert shadows.planned and not shadows.switch
-    assert not shown.effects["transmission"].switch  # there is nothing to decide
+    assert not shown.plan["transmission"].switch  # there is nothing to decide
     bounced.simulated = True  # as planned
     assert shown.capture.leave_out == shown.capture.simulate == ""
     bounced.simulated = False
@@ -104,7 +104,15 @@ def test_effects_are_planned_and_decided_by_check_boxes(scene: bpy.types.Scene) 
     assert bounced.simulated
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
-    assert bpy.context.scene.lightsphere.effects["diffuse interreflection"].planned
+    assert bpy.context.scene.lightsphere.plan["diffuse interreflection"].planned
+
+
+def test_a_stopped_plan_leaves_nothing(scene: bpy.types.Scene) -> None:
+    runs = part("runs")
+    run = runs.Run(part("stages").STAGES["plan"], scene)
+    run.stop()
+    assert run.stopped() == "Stopped; nothing was planned"
+    assert not run.folder.exists() and not scene.lightsphere.plan
 
 
 def test_a_stopped_estimate_leaves_nothing(captured: bpy.types.Scene) -> None:

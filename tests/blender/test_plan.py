@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,6 +69,11 @@ def test_two_convex_bodies_or_one_with_a_dent_face_each_other() -> None:
 
 
 def test_surfaces_without_a_material_count_too() -> None:
+    bounced = rows(planned(without_materials(), error=0.5))["diffuse interreflection"]
+    assert bounced.simulated and bounced.group == "no material" and bounced.contribution_pct > 1
+
+
+def without_materials() -> Any:
     import bpy
 
     scene = small_scenes.lambert(0.8)
@@ -75,8 +81,7 @@ def test_surfaces_without_a_material_count_too() -> None:
     for item in scene.objects:
         if item.type == "MESH":
             item.data.materials.clear()
-    bounced = rows(planned(scene, error=0.5))["diffuse interreflection"]
-    assert bounced.simulated and bounced.group == "no material" and bounced.contribution_pct > 1
+    return scene
 
 
 def test_an_open_bowl_faces_itself_and_a_plane_does_not() -> None:
@@ -286,6 +291,17 @@ def test_audit_finds_out_a_wrong_decision(tmp_path: Path, capsys: pytest.Capture
     audit = Capture.open(tmp_path / "c").notes["audit"]
     assert not audit["held"] and audit["error_pct"] > 3 + 2 * audit["uncertainty_pct"] and audit["group"] == "Lambert"
     assert "WARNING: the audit with everything on finds" in capsys.readouterr().out
+
+
+def test_audit_looks_at_surfaces_without_a_material(tmp_path: Path) -> None:
+    import bpy
+
+    without_materials()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "bare.blend"))
+    words = ["capture", str(tmp_path / "bare.blend"), *SMALL, "-o", str(tmp_path / "c"), "--leave-out", "diffuse"]
+    assert cli.main([*words, "--error", "0.5"]) == 0
+    audit = Capture.open(tmp_path / "c").notes["audit"]
+    assert not audit["held"] and audit["group"] == "no material" and audit["error_pct"] > 0.5
 
 
 def test_older_captures_go_on(tmp_path: Path) -> None:

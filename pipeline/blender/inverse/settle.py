@@ -37,21 +37,19 @@ def settle(evidence: Evidence, number: int) -> Work[None]:
     wanted = [(number, kind) for kind in kinds]
     slopes = np.zeros((len(kinds), *mask.shape, 3))
     missing = np.zeros((2, *mask.shape, 3))
-    turned, last = np.zeros((2, len(kinds), 3))
+    gains = together.Gains(wanted, {})
     try:
         for turn in range(ROUNDS):
             if turn < LOOKS:
-                seen = yield from together.own_derivatives(evidence, number, kinds, -(-samples // LESS))
+                seen = yield from together.own_derivatives(evidence, wanted, -(-samples // LESS))
                 slopes[:, mask] += (seen.mean(axis=0) - slopes[:, mask]) / (turn + 1)
             for one in missing:
                 shown = room.pixels(mask, samples, evidence.next_seed(), steady=True)
                 one[mask] = evidence.photograph[mask] - shown
             moves, *_ = together.step(evidence, wanted, np.stack([slopes, slopes]), missing, DAMPING)
-            for place, (kind, by) in enumerate(zip(kinds, moves, strict=True)):
+            for kind, by, gain in zip(kinds, moves, gains.of(moves), strict=True):
                 longest = levels.LONGEST.get(kind, together.LONGEST)
-                turned[place] += by * last[place] < 0
-                last[place] = by
-                room.move(number, kind, np.clip(by, -longest, longest) / (1 + turned[place]))
+                room.move(number, kind, gain * np.clip(by, -longest, longest))
             is_sure = turn + 1 >= LOOKS
             yield Progress("settle", turn + 1, ROUNDS)
     finally:

@@ -35,7 +35,7 @@ from .levels import ANGLES, Tried, examined, perfected, simplest
 from .paint import paint
 from .room import Room, State
 from .settle import settle
-from .together import LONGEST, Unknown, derivatives, step, unknowns
+from .together import LONGEST, Gains, Unknown, derivatives, step, unknowns
 
 Array = NDArray[np.float64]
 DIFFUSE_SAMPLES = (4, 4, 8, 16)  # of the rounds that begin a search
@@ -314,8 +314,7 @@ class Search:
         slopes = yield from retold(derivatives(evidence, wanted), partial(self._step, "derivatives"))
         best: tuple[float, State, Array] | None = None
         moving = [wanted[place] for place in free]
-        turns = [np.full(3 if kind in COLOURED else 1, self.turned.get(number, 0)) for number, kind in moving]
-        last = [np.zeros(len(one)) for one in turns]
+        gains = Gains(moving, self.turned)
         lasts = 0.0  # of a round, as a share of the budget
         for turn in range(rounds):
             begun = self._spent()
@@ -331,17 +330,15 @@ class Search:
             moves, spread, untold, self.condition = step(evidence, moving, slopes[:, free], residuals, damping)
             if len(free) < len(wanted):
                 _, spread, _, self.condition = step(evidence, wanted, slopes, residuals, damping)
-            turns = [n + (by * before < 0) for n, by, before in zip(turns, moves, last, strict=True)]
-            gains, last = [1 / (1 + n) for n in turns], moves
             self.deviations |= {unknown: sd.tolist() for unknown, sd in zip(wanted, spread, strict=True)}
-            for place, gain, by in zip(free, gains, moves, strict=True):
+            for place, gain, by in zip(free, gains.of(moves), moves, strict=True):
                 self.room.move(*wanted[place], np.clip(gain * by, -LONGEST, LONGEST))
                 self.deviations[wanted[place]] = (np.sqrt(gain) * spread[place]).tolist()
             self._look(moving, untold)
             self._note(stage, residuals)
             yield self._step(stage)
             lasts = self._spent() - begun
-            if min(n.min() for n in turns) >= 2 and self.uncertainty() < self.settings.target / 100:
+            if min(n.min() for n in gains.turns) >= 2 and self.uncertainty() < self.settings.target / 100:
                 break
         if best is not None:  # the last step, too, is taken back where it leads away
             error, noise = evidence.error(evidence.residuals(samples))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,27 @@ UNSEEN = 1e-3  # share of the largest derivative below which nothing in the pict
 LONGEST = 0.7  # of a step: a factor of two
 BRIGHT = 0.8  # reflectance
 MOST_CHANGE = 2.0  # of a pixel by the logarithm of a parameter, in radiances about it
+
+
+class Gains:
+    """What share of every unknown's step is taken: 1 over 1 and how often its steps have turned (Kesten 1958).
+
+    Parameters
+    ----------
+    wanted : sequence of Unknown
+    turned : mapping of int to int
+        How often the steps of a group have turned before.
+    """
+
+    def __init__(self, wanted: Sequence[Unknown], turned: Mapping[int, int]) -> None:
+        self.turns = [np.full(3 if kind in COLOURED else 1, turned.get(number, 0)) for number, kind in wanted]
+        self._last = [np.zeros(len(one)) for one in self.turns]
+
+    def of(self, moves: list[Array]) -> list[Array]:
+        """Return the shares of the next steps."""
+        self.turns = [n + (by * last < 0) for n, by, last in zip(self.turns, moves, self._last, strict=True)]
+        self._last = moves
+        return [1 / (1 + n) for n in self.turns]
 
 
 def unknowns(room: Room, shapes: bool) -> list[Unknown]:
@@ -49,21 +70,25 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     each = evidence.samples(DERIVATIVE_SAMPLES)
     whole = [room.render(each, seed, True) for seed in seeds]
     found = np.zeros((2, len(wanted), *evidence.photograph.shape))
+    unseen: list[int] = []
     lobed: dict[int, list[int]] = {}
     for place, (number, kind) in enumerate(wanted):
         mask = evidence.masks[number] if kind != POWER else None
         if mask is None or not mask.any():
             if kind in ("diffuse", POWER):
-                found[:, place] = _of_whole(room, number, kind, evidence.samples(UNSEEN_SAMPLES), seeds)
-                yield Progress("derivatives", place + 1, len(wanted))
+                unseen.append(place)
         elif room.models[number].level == "diffuse":  # it is all that it shows
             found[:, place, mask] = [shown[mask] for shown in whole]
         else:
             lobed.setdefault(number, []).append(place)
+    if unseen:
+        more = evidence.samples(UNSEEN_SAMPLES)
+        changed = _changes(room, [wanted[place] for place in unseen], seeds, lambda seed: room.render(more, seed, True))
+        found[:, unseen] = yield from changed
     for number, places in lobed.items():
         mask = evidence.masks[number]
         samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
-        own = yield from own_derivatives(evidence, number, [wanted[place][1] for place in places], samples)
+        own = yield from own_derivatives(evidence, [wanted[place] for place in places], samples)
         for place, slopes in zip(places, own.swapaxes(0, 1), strict=True):
             found[:, place, mask] = slopes
     _let_glow(evidence, wanted, found, each, seeds)
@@ -71,28 +96,27 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
     return np.clip(found, -most, most)
 
 
-def _of_whole(room: Room, number: int, kind: str, samples: int, seeds: Sequence[int]) -> Array:
-    """Return the change of the whole picture by a parameter, by two seeds: (2, H, W, 3)."""
-    by = _away(room, number, kind)
-    now = np.stack([room.render(samples, seed, True) for seed in seeds])
-    with room.moving(number, kind, by):
-        return (np.stack([room.render(samples, seed, True) for seed in seeds]) - now) / by
-
-
-def own_derivatives(evidence: Evidence, number: int, kinds: Sequence[str], samples: int) -> Work[Array]:
+def own_derivatives(evidence: Evidence, wanted: Sequence[Unknown], samples: int) -> Work[Array]:
     """Return the change of a group's own pixels by some of its parameters, by two seeds: (2, N, P, 3)."""
-    room, mask = evidence.room, evidence.masks[number]
+    room, mask = evidence.room, evidence.masks[wanted[0][0]]
     seeds = [evidence.next_seed() for _ in range(2)]
-    now = [room.pixels(mask, samples, seed, True) for seed in seeds]
-    found = np.zeros((2, len(kinds), *now[0].shape))
-    for place, kind in enumerate(kinds):
-        by = _away(room, number, kind)
-        with room.moving(number, kind, by):
-            for s, seed in enumerate(seeds):
-                found[s, place] = (room.pixels(mask, samples, seed, True) - now[s]) / by
-        yield Progress("derivatives", place + 1, len(kinds))
+    found = yield from _changes(room, wanted, seeds, lambda seed: room.pixels(mask, samples, seed, True))
     most = _most(evidence.photograph)[mask]
     return np.clip(found, -most, most)
+
+
+def _changes(
+    room: Room, wanted: Sequence[Unknown], seeds: Sequence[int], render: Callable[[int], Array]
+) -> Work[Array]:
+    """Return the change of what is rendered by a seed, (..., 3), by every unknown: (S, N, ..., 3)."""
+    now = np.stack([render(seed) for seed in seeds])
+    found = np.zeros((len(seeds), len(wanted), *now.shape[1:]))
+    for place, (number, kind) in enumerate(wanted):
+        by = _away(room, number, kind)
+        with room.moving(number, kind, by):
+            found[:, place] = (np.stack([render(seed) for seed in seeds]) - now) / by
+        yield Progress("derivatives", place + 1, len(wanted))
+    return found
 
 
 def _away(room: Room, number: int, kind: str) -> float:

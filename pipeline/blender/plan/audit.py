@@ -64,7 +64,7 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
     everything = cycles.Transport(MOST_BOUNCES, **switches, samples=SAMPLES)
     known = capture.truth()
     assert known is not None  # it was rendered with the capture
-    groups = np.where(capture.mask(), known.material, 0)
+    groups, names = truth.groups(scene, known.material, capture.mask())
     parts = {}
     for light in map(int, rng.permutation(len(capture))):
         captured = capture.image(light).astype(np.float64)
@@ -83,7 +83,6 @@ def audit(scene: bpy.types.Scene, capture: Capture) -> Work[Audit]:
     held = all(error <= asked + CERTAIN * deviation for error, deviation in errors.values())
     if not errors:
         return Audit(True, "", 0.0, 0.0, settings["error"], [], 0)
-    names = {number: material.name for material, number in truth.numbered(scene).items()}
     worst = max(errors, key=lambda number: errors[number][0])
     error, deviation = (round(100 * value, 4) for value in errors[worst])
     pixels = sum(int((part[0] > 0).sum()) for part in parts.values())

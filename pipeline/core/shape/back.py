@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import spsolve
 
 from . import Shape
-from .mesh import Mesh
+from .mesh import Mesh, edges_of
 
 LEAST = 0.25  # footprints of a pixel
 FLAT = 0.1
@@ -46,7 +46,7 @@ def closed(mesh: Mesh, shape: Shape) -> Mesh:
     origins, rays = shape.camera.rays_at(_places(front, shape))
     depth = np.einsum("vi,vi->v", front.vertices - origins, rays)
     footprint = shape.camera.pixel_size(depth)
-    edges, border = _edges(front.faces)
+    edges, border = edges_of(front.faces)
     inside = _contour(depth, edges, border)
     thickness = LEAST * footprint + np.maximum(2 * (inside - depth), FLAT * _from_border(front, edges, border))
     behind = origins + (depth + thickness)[:, None] * rays
@@ -87,13 +87,6 @@ def _split(mesh: Mesh) -> Mesh:
 def _places(mesh: Mesh, shape: Shape) -> Array:
     """Return where vertices lie in the picture, (V, 2) [px]."""
     return np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], axis=-1) * shape.camera.resolution
-
-
-def _edges(faces: Faces) -> tuple[Faces, Faces]:
-    """Return all edges once, (E, 2), and those with one triangle as it runs along them, (B, 2)."""
-    along = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    _, first, count = np.unique(np.sort(along, axis=1), axis=0, return_index=True, return_counts=True)
-    return along[first], along[first[count == 1]]
 
 
 def _contour(depth: Array, edges: Faces, border: Faces) -> Array:

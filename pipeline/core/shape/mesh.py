@@ -109,7 +109,8 @@ def relief(shape: Shape, least_confidence: float = 0.0) -> Mesh:
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     centres = np.stack([column, row], axis=-1) + 0.5
     faces = position[faces]
-    border = _border(faces)
+    border = edges_of(faces)[1].T
+    border = np.concatenate([border, border[::-1]], axis=1)
     place = centres + _outwards(faces, used, width)
     place = np.stack([_drawn(axis, axis[border[0]], border[1]) for axis in place.T], axis=-1)
     vertices = _placed(shape, points.reshape(-1, 3)[used], normals, place, border)
@@ -199,12 +200,11 @@ def _outwards(faces: NDArray[np.int64], pixels: NDArray[np.int64], width: int) -
     return np.asarray(np.stack([left - right, up - down], axis=-1) / 2)
 
 
-def _border(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the edges of one triangle alone, from either end to the other, (2, E)."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
-    border = unique[count == 1].T
-    return np.concatenate([border, border[::-1]], axis=1)
+def edges_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return all edges once, (E, 2), and those with one triangle as it runs along them, (B, 2)."""
+    along = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, first, count = np.unique(np.sort(along, axis=1), axis=0, return_index=True, return_counts=True)
+    return along[first], along[first[count == 1]]
 
 
 def _drawn(values: NDArray[np.float64], seen: NDArray[np.float64], ends: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -222,7 +222,7 @@ def _placed(
     border: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Move vertices to other places (V, 2) of the picture [px] on their tangent planes, and border vertices along
-    their rays to where their neighbours' planes meet these.
+    their rays to where their neighbours' planes meet these; border edges (2, E) from one end to the other, then back.
     """
     origins, directions = shape.camera.rays_at(place)
     depth = _met(points, normals, origins, directions)

@@ -24,9 +24,15 @@ def tilted(degrees: float) -> NDArray[np.float64]:
     return np.array([np.sin(angle), 0.0, np.cos(angle)])
 
 
+def edges(mesh: Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return all edges once, (E, 2), and how many triangles each has, (E,)."""
+    along = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    unique, count = np.unique(np.sort(along, axis=1), axis=0, return_counts=True)
+    return unique, count
+
+
 def edge_counts(mesh: Mesh) -> NDArray[np.int64]:
-    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    return np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)[1]
+    return edges(mesh)[1]
 
 
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
@@ -80,8 +86,7 @@ def test_the_contour_of_a_ball_has_no_teeth(model: str, monkeypatch: pytest.Monk
 
 def border(mesh: Mesh) -> NDArray[np.float64]:
     """Return the border's vertices (N, 3) about the line of sight."""
-    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
+    unique, count = edges(mesh)
     found = mesh.vertices[np.unique(unique[count == 1])]
     return found[np.argsort(np.arctan2(found[:, 0], found[:, 1]))]
 

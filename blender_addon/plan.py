@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
-from ..pipeline.blender.plan.effects import SWITCHES
-from ..pipeline.core import capture_settings
+from ..pipeline.blender.plan import effects
+from ..pipeline.core.capture_settings import SWITCHES, CaptureSettings
 from ..pipeline.core.errors import LightsphereError
 
 
@@ -13,7 +13,7 @@ def _decided(scene: bpy.types.Scene) -> dict[str, bool]:
     """Return which effects the capture's settings decide, and how; none where they are mistyped."""
     shown = scene.lightsphere.capture
     try:
-        return capture_settings.overrides(shown.simulate, shown.leave_out)
+        return CaptureSettings(simulate=shown.simulate, leave_out=shown.leave_out).overrides
     except LightsphereError:
         return {}
 
@@ -50,13 +50,13 @@ class LIGHTSPHERE_PG_effect(bpy.types.PropertyGroup):
 
 def bring(scene: bpy.types.Scene, planned: list[dict[str, Any]]) -> None:
     """Put a plan into a scene: rows as ``lightsphere plan`` writes them."""
-    rows = scene.lightsphere.effects
+    rows = scene.lightsphere.plan
     rows.clear()
     for found in planned:
         row = rows.add()
         row.name, row.planned = found["effect"], found["simulated"]
-        switch = SWITCHES.get(row.name, "")
-        row.switch = switch if switch in capture_settings.SWITCHES and found["contribution_pct"] is not None else ""
+        switch = effects.SWITCHES.get(row.name, "")
+        row.switch = switch if switch in SWITCHES and found["contribution_pct"] is not None else ""
         row.adds = _adds(found) or found["reason"]
 
 
