@@ -14,7 +14,7 @@ from pipeline.core.inverse.photograph import prepared
 from pipeline.core.progress import finish
 from tests.blender import small_scenes
 
-WIDTH, HEIGHT = 40, 30
+WIDTH, HEIGHT = 41, 37  # whose parts floats round down
 SAMPLES = 256
 STEP = 0.1  # of a reflectance's logarithm
 
@@ -72,3 +72,12 @@ def test_derivatives_of_the_picture_are_its_changes(evidence: Evidence) -> None:
         for number in range(len(room.groups)):
             slope = (evidence.mean(changed, number) - evidence.mean(shown, number)) / STEP
             assert evidence.mean(slopes, number) == pytest.approx(slope, rel=0.25, abs=0.01), (number, moved)
+
+
+def test_every_window_has_all_its_pixels(evidence: Evidence) -> None:
+    """Blender rounds the sides of a window down, and its floats are short."""
+    for axis, size in enumerate((HEIGHT, WIDTH)):
+        for first in range(size):
+            mask = np.zeros((HEIGHT, WIDTH), bool)
+            mask[(slice(None),) * axis + (slice(first, first + 1 + first % 5),)] = True
+            assert evidence.room.pixels(mask, 1, 0).shape == (mask.sum(), 3)

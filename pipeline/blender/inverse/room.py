@@ -34,7 +34,7 @@ BOX = {"pixel_filter_type": "BOX", "filter_width": 1.0}
 Array = NDArray[np.float64]
 OFFSET = 1000  # of the numbers of surfaces in a render, which are not negative
 Texture = NDArray[np.float32]
-Crop = tuple[int, int, int, int]  # rows from, to, columns from, to
+Window = tuple[slice, slice]  # rows and columns
 
 
 @dataclass(frozen=True)
@@ -194,14 +194,14 @@ class Room:
         cycles.forget(self.scene)
 
     def render(
-        self, samples: int, seed: int, steady: bool = False, crop: Crop | None = None, denoised: bool = False
+        self, samples: int, seed: int, steady: bool = False, window: Window | None = None, denoised: bool = False
     ) -> Array:
-        """Render, (H, W, 3) or the crop of it; denoised is for the eye alone.
+        """Render, (H, W, 3) or a window of it; denoised is for the eye alone.
 
         In steady pictures no path ends by chance, so that those of one seed differ by what was changed alone; they
         leave late bounces out, see :meth:`count_bounces`. The others have all light.
         """
-        channels = self._rendered(samples, seed, steady, crop, denoised)
+        channels = self._rendered(samples, seed, steady, window, denoised)
         return np.stack([channels[letter] for letter in "RGB"], axis=-1).astype(np.float64)
 
     def glowing(self, radiances: Mapping[int, Array], samples: int, seed: int) -> dict[int, Array]:
@@ -225,7 +225,7 @@ class Room:
         samples: int,
         seed: int,
         steady: bool = False,
-        crop: Crop | None = None,
+        window: Window | None = None,
         denoised: bool = False,
         layers: bool = False,
     ) -> dict[str, NDArray[np.float32]]:
@@ -233,7 +233,8 @@ class Room:
         start = time.perf_counter()
         transport = cycles.Transport(self.steady_bounces if steady else MOST_BOUNCES, samples=samples)
         with (
-            self._measuring(transport, seed, steady, crop),
+            self._measuring(transport, seed, steady),
+            cycles.cropped(self.scene, self.camera, window),
             cycles.changed(self.scene.cycles, {"use_denoising": denoised}),
             cycles.openexr(self.scene, layers),
             tempfile.TemporaryDirectory() as folder,
@@ -261,8 +262,8 @@ class Room:
     ) -> Array:
         """Render no more than holds a mask; return its pixels (P, 3)."""
         rows, columns = (np.nonzero(mask.any(axis=axis))[0] for axis in (1, 0))
-        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-        return self.render(samples, seed, steady, (top, bottom, left, right), denoised)[mask[top:bottom, left:right]]
+        window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        return self.render(samples, seed, steady, window, denoised)[mask[window]]
 
     def layers_of_pixels(self) -> tuple[NDArray[np.int64], Array, Array]:
         """Return what each pixel shows, (H, W), its texture coordinates, (H, W, 2), and its place, (H, W, 3).
@@ -299,20 +300,12 @@ class Room:
         self.steady_bounces = int(np.clip(needed, *STEADY_BOUNCES))
 
     @contextlib.contextmanager
-    def _measuring(self, transport: cycles.Transport, seed: int, steady: bool, crop: Crop | None) -> Iterator[None]:
+    def _measuring(self, transport: cycles.Transport, seed: int, steady: bool) -> Iterator[None]:
         """Set Cycles up: the scene's own world and lights, and the pixels of the photograph."""
         own: dict[str, Any] = {"min_light_bounces": transport.bounces if steady else 3, **self.filter, **SAME_NOISE}
-        width, height = self.camera.resolution
-        border: dict[str, Any] = {}
-        if crop is not None:
-            top, bottom, left, right = crop
-            border = {"use_border": True, "use_crop_to_border": True}
-            border |= {"border_min_x": left / width, "border_max_x": right / width}
-            border |= {"border_min_y": 1 - bottom / height, "border_max_y": 1 - top / height}
         with (
             cycles.measuring(self.scene, self.camera, transport, seed, world=self.scene.world),
             cycles.changed(self.scene.cycles, own),
-            cycles.changed(self.scene.render, border),
         ):
             yield
 
