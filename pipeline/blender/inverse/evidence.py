@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.inverse.brushing import brushing
-from ...core.inverse.estimate import unexplained
+from ...core.inverse.estimate import structured, unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
 from ...core.inverse.texture import smoothed
 from .levels import ENOUGH
@@ -130,17 +130,18 @@ class Evidence:
         used = self.weight[..., 0] > 0
         return unexplained(residuals[:, used], self.weight[used])
 
-    def unexplained(self, residuals: Array, number: int) -> float:
-        """Return the relative error of a group with render noise taken off, 0 where it is within noise."""
-        mask = self.masks[number]
-        if not mask.any():
-            return 0.0
-        mean, noise = unexplained(residuals[:, mask], self.weight[mask])
-        return float(np.sqrt(mean)) if mean > STEADY * noise else 0.0
+    def errors(self, residuals: Array) -> list[float]:
+        """Return the relative error of every group with all noise taken off, 0 where it is within noise."""
+        found = []
+        for mask in self.masks:
+            mean, noise = unexplained(residuals[:, mask], self.weight[mask]) if mask.any() else (0.0, 0.0)
+            is_wrong = mean > STEADY * noise
+            found.append(structured(np.sqrt(self.weight) * residuals, mask) if is_wrong else 0.0)
+        return [float(np.sqrt(max(square, 0.0))) for square in found]
 
     def fine_share(self, residuals: Array, number: int) -> float:
         """Return what share of a group's unexplained square varies over few pixels: light does not, patterns do."""
         mask = self.masks[number]
         missing = np.sqrt(self.weight) * residuals
-        fine = [one - smoothed(one, mask, SMOOTH) for one in missing]
-        return float((fine[0] * fine[1])[mask].mean() / max((missing[0] * missing[1])[mask].mean(), 1e-30))
+        fine = np.stack([one - smoothed(one, mask, SMOOTH) for one in missing])
+        return structured(fine, mask) / max((missing[0] * missing[1])[mask].mean(), 1e-30)

@@ -53,8 +53,7 @@ class Forecast(Search):
 
     def _waiting(self) -> list[int]:
         """Return the groups that a search would look for a level of now, the worst first."""
-        residuals = self.evidence.even_residuals()
-        return self._open([self.evidence.unexplained(residuals, number) for number in range(len(self.masks))])
+        return self._open(self.evidence.errors(self.evidence.even_residuals()))
 
     def _trial(self, budget: float, beside: float, first: float, levels: float, slopes: float, move: float) -> Trial:
         left = max(budget - beside - first, 0.0)

@@ -9,11 +9,20 @@ import numpy as np
 
 from ...core.inverse.lamps import powers
 from .evidence import Evidence
+from .groups import place_of
 from .room import Room
 
 SAMPLES = 16
 FIXED = 0.02  # light of known power as a share of the other, above which it fixes the scale
 LEAST_POWER = 1e-3  # of that in the scene, so that the search can still move it
+ALL = "all"
+
+
+def listed_lamps(room: Room, words: str) -> list[int]:
+    """Return the lamps named between commas, or all; raise a LightsphereError for one that is not there."""
+    names = [lamp.name for lamp in room.lamps]
+    wanted = names if words == ALL else filter(None, map(str.strip, words.split(",")))
+    return [place_of(name, names, "unknown power", "lamp") for name in wanted]
 
 
 def start_lamps(evidence: Evidence) -> None:

@@ -18,8 +18,8 @@ from .room import Room
 
 Array = NDArray[np.float64]
 Parts = tuple[list[Array], Array]  # pictures that are combined, and one beside them
-SMOOTH = 0.03  # slope of a plastic of which nothing is known, so that its derivative can be told
 SLOPES = (0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
+PLASTIC_SLOPES = (0.05, 0.2)  # a plastic's pictures take twice as many renders
 LIKE_MIRROR = 0.3  # of the diffuse model's mean square error: what a mirror explains that well has no wide lobe
 SHARP_LEVELS = ("perfect-mirror", "mirror", "diffuse-specular")  # of one lobe
 ANGLES = tuple(np.arange(0.0, 180.0, 30.0))
@@ -33,7 +33,8 @@ PROMISING = 0.06**2  # mean square relative error of a plastic below which it ma
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
 PERFECT = 0.97  # reflectance of a mirror above which it is perfect
-FINAL = 4  # times as many by which the best of every level are compared
+FINAL = 4  # times as many by which the best of every level are compared, and again while noise decides between them
+DECIDED = 16  # times as many at most, and as many times closer
 AGAIN = 10_000  # seeds apart
 HALF = 0.5  # reflectance of the pictures that are combined
 WHITE = Model("diffuse", np.full(3, HALF), np.zeros(3))
@@ -63,6 +64,13 @@ def simplest(tried: list[Tried]) -> Tried:
     return next(one for one in told if not better(one.fit, best, WORTH))
 
 
+def undecided(tried: list[Tried]) -> list[str]:
+    """Return the simplest model's level with those that would be preferred to it, were they as good as they look."""
+    chosen = simplest(tried)
+    rivals = [one for one in tried if FREE[one.model.level] and chosen.fit.error - one.fit.error > WORTH]
+    return [one.model.level for one in (chosen, *rivals)] if rivals else []
+
+
 def perfected(model: Model) -> Model:
     """Return a mirror that reflects all light as far as can be told as a perfect one, and any other model as it is."""
     if model.level != "mirror" or model.specular.min() <= PERFECT:
@@ -89,7 +97,8 @@ def examined(
     The lobe that the group has is among those that are tried.
     The group's own pixels are linear in its reflectances as long as the light that reaches it stays as it is. The best
     of every level are rendered anew with more samples before they are moved or compared: of many that noise makes
-    differ, the one that won looks better than it is.
+    differ, the one that won looks better than it is. Where noise leaves open which is preferred they are rendered with
+    still more.
 
     Parameters
     ----------
@@ -108,7 +117,7 @@ def examined(
     denoised : bool
         Whether pictures are; noise is then no longer independent of the seed.
     closer : int
-        Times the samples by which lobes are moved.
+        Times the samples by which lobes are moved and levels compared.
     distributions : sequence of str
         Of slopes that a lobe may have: the first, or another that explains more.
     angles : sequence of float
@@ -116,7 +125,13 @@ def examined(
     """
     group = _Group(room, number, mask, photograph[mask], weight[mask], seeds, denoised)
     lobes = yield from _lobes(group, room.models[number], levels, closer, distributions, angles)
-    tried = yield from _compared(group.anew(2, FINAL), lobes)
+    times = FINAL
+    tried = yield from _compared(group.anew(times, times), lobes)
+    while (rivals := undecided(tried)) and times < DECIDED * closer:
+        times *= FINAL
+        compared = yield from _compared(group.anew(times, times), {one: lobes[one] for one in rivals if one in lobes})
+        seen = {one.model.level: one for one in compared}
+        tried = [seen.get(one.model.level, one) for one in tried]
     return choose(tried).model, [one.as_json() for one in tried]
 
 
@@ -140,8 +155,9 @@ def _lobes(
         best, fit = yield from group.anew(1, closer).shaped(best, ("alpha",), distributions)
     if "plastic" in levels:
         left = min(fit.surely_below, sharp.surely_below)
-        start = _plastic(now.alpha if now.level == "plastic" else best.alpha if has_lobe else SMOOTH)
-        if group.explained(start).surely_below < max(left, PROMISING):
+        alphas = {*PLASTIC_SLOPES, now.alpha if now.level == "plastic" else best.alpha}
+        start, start_fit = yield from group.best(map(_plastic, sorted(alphas)))
+        if start_fit.error < max(left, PROMISING):
             lobes["plastic"], _ = yield from group.anew(3, closer).descended(start, ("alpha",))
     if "isotropic" in levels:
         lobes["isotropic"] = best

@@ -30,7 +30,7 @@ from ...core.progress import Progress, Work, retold
 from .evidence import STEADY, Evidence
 from .found import Found
 from .groups import place_of
-from .lamps import found_lamps, start_lamps
+from .lamps import found_lamps, listed_lamps, start_lamps
 from .levels import ANGLES, Tried, examined, perfected, simplest
 from .paint import paint
 from .room import Room, State
@@ -39,21 +39,20 @@ from .together import LONGEST, Gains, Unknown, derivatives, step, unknowns
 
 Array = NDArray[np.float64]
 DIFFUSE_SAMPLES = (4, 4, 8, 16)  # of the rounds that begin a search
-ROUNDS = 6  # of looking for levels
+ROUNDS = 8  # of looking for levels
 LEVELS_END = 0.6  # share of the budget after which that ends: the last moves are of all groups, and give the error bars
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
 LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves more is not explained by lobes
 COARSE = 0.15  # relative error that is left, above which what varies smoothly has a texture: else it may be the light's
-FINE = 0.5  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
-LAST_SAMPLES, LAST_DAMPING = 32, 0.03  # of the moves of all groups together that end a search
+FINE = 0.35  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
+LAST_ROUNDS, LAST_SAMPLES, LAST_DAMPING = 60, 32, 0.03  # of the moves of all groups together that end a search
 CLOSER = 4  # times the samples by which lobes are looked at again
 SETTLE_END = 0.8  # share of the budget after which lobes settle no more
 SETTLED_TURNS = 3  # of their reflectances' steps, as if they had turned so often
 MOVED = 0.02  # reflectance by which lobes that are looked at again may differ
 NOTED_SAMPLES = 8  # a pixel of both pictures by which a stage's error is written down
 PICTURE_SAMPLES = 8  # of a picture that is denoised
-ALL = "all"
 
 
 class Search:
@@ -84,14 +83,11 @@ class Search:
             number = place_of(name, names, "known reflectance", "group")
             room.known[number] = rho
             room.show(number, Model("diffuse", rho, np.zeros(3)))
-        lamps = [item.name for item in room.lamps]
-        wanted = (
-            lamps if settings.unknown_lamps == ALL else filter(None, map(str.strip, settings.unknown_lamps.split(",")))
-        )
-        room.free_lamps = [place_of(name, lamps, "unknown power", "lamp") for name in wanted]
+        room.free_lamps = listed_lamps(room, settings.unknown_lamps)
         self.evidence = Evidence(room, photograph)
         self.masks = self.evidence.masks
         self.patterned: set[int] = set()  # groups whose picture no lobe explains
+        self.looked: set[int] = set()  # groups that were looked at since all were
         self.tried: list[list[dict[str, Any]]] = [[] for _ in names]
         self.costs = [{"renders": 0.0, "seconds": 0.0} for _ in names]  # of what was rendered for one group alone
         self.turned: dict[int, int] = {}  # how often the steps of groups that settled have turned
@@ -114,7 +110,7 @@ class Search:
         while (yield from self._look_again()) and self._spent() < LEVELS_END:
             yield from self._refine("refine", rounds=4, samples=8, damping=0.1, end=LEVELS_END)
         yield from self._settle()
-        yield from self._refine("refine", rounds=15, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
+        yield from self._refine("refine", rounds=LAST_ROUNDS, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=1)
         for number, model in enumerate(self.room.models):
             self._choose(number, perfected(model))
         self._keep()
@@ -159,7 +155,7 @@ class Search:
         self._picture("diffuse")
 
     def _levels(self) -> Work[bool]:
-        """Look for a level for every group whose picture is not explained; return whether one changed.
+        """Look for a level for every group whose picture is not explained; return whether there is more to look for.
 
         What no level explains has a texture; that is said of one group at a time, of the one that is explained least,
         and not before all other groups have their level, unless it is a fine pattern that lobes do nothing for: what is
@@ -167,12 +163,13 @@ class Search:
         """
         evidence = self.evidence
         residuals = evidence.even_residuals()
-        errors = [evidence.unexplained(residuals, number) for number in range(len(self.masks))]
+        errors = evidence.errors(residuals)
         waiting, changed = sorted(self.patterned), False
         for number in self._open(errors):
             if self._spent() > LEVELS_END:
                 break
             before = self.room.models[number].level
+            self.looked.add(number)
             best = yield from self._examined(number)
             if before == "texture" and self._left(number) > WORTH:
                 self._paint(number)
@@ -181,22 +178,30 @@ class Search:
             changed |= best.level != before
             if self._help(number) >= LOBES_HELP and self.room.layers[number] and self.settings.levels == "all":
                 self.patterned.add(number)
+        unheard = bool(self._asking(errors).keys() - self.looked)
         fine = {number: evidence.fine_share(residuals, number) > FINE for number in self.patterned}
         plain = [number for number, is_fine in fine.items() if is_fine and self._help(number) > NO_HELP]
         still = [number for number in waiting if errors[number] > (WORTH if fine[number] else COARSE)]
-        if chosen := sorted(plain if changed else still, key=self._left)[-1:]:
+        if chosen := sorted(plain if changed or unheard else still, key=self._left)[-1:]:
             self._paint(chosen[0])
             self.patterned.clear()  # the others may look otherwise now
             changed = True
         self._note("levels", self.evidence.residuals(NOTED_SAMPLES))
         self._picture("levels")
-        return changed or len(self.patterned) > len(waiting)  # one that waits now is heard in the next round
+        return changed or unheard or len(self.patterned) > len(waiting)  # one that waits now is heard in the next round
 
     def _open(self, errors: list[float]) -> list[int]:
-        """Return the groups whose error asks for another level, the worst first."""
+        """Return the groups whose error asks for another level, the worst first; none again before all others."""
+        left = self._asking(errors)
+        if left.keys() <= self.looked:
+            self.looked.clear()
+        fresh = [number for number in sorted(left, key=lambda n: -left[n]) if number not in self.looked]
+        return [number for number in fresh if left[number] > WORST * left[fresh[0]]]
+
+    def _asking(self, errors: list[float]) -> dict[int, float]:
+        """Return the errors of the groups that another level may explain."""
         settled = self.patterned | set(self.room.known)
-        left = [0.0 if number in settled else error for number, error in enumerate(errors)]
-        return [number for number in map(int, np.argsort(left)[::-1]) if left[number] > max(WORTH, WORST * max(left))]
+        return {number: error for number, error in enumerate(errors) if error > WORTH and number not in settled}
 
     def _look_again(self) -> Work[bool]:
         """Look at lobes and textures again with the surroundings as they are now: the wrong ones bent them before.
@@ -239,10 +244,8 @@ class Search:
     def _choose(self, number: int, model: Model) -> None:
         """Let a group have a model; deviations of what that does not have are forgotten."""
         self.room.show(number, model)
-        kept = () if model.level == "texture" else FREE[model.level]
-        lost = [(n, kind) for n, kind in self.deviations if n == number and kind not in (*kept, POWER)]
-        for unknown in lost:
-            del self.deviations[unknown]
+        kept = (POWER, *(FREE[model.level] if model.level != "texture" else ()))
+        self.deviations = {(n, kind): sd for (n, kind), sd in self.deviations.items() if n != number or kind in kept}
 
     def _examined(
         self,

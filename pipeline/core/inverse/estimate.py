@@ -50,17 +50,35 @@ def unexplained(residuals: Array, weight: Array) -> tuple[float, float]:
 
     The mean of the product of both seeds' residuals; negative where noise says so. Its variance is that of render noise
     alone, s^4 + 2 m^2 s^2 a pixel of noise s and true residual m: where a model is wrong in a few pixels only it is
-    wrong all the same.
+    wrong all the same. A pixel's two seeds tell s^2, but not s^4: squared, they say thrice too much of it by Gaussian
+    noise, and anything by fireflies. The next pixel has noise of its own that is alike.
 
     Parameters
     ----------
     residuals : (2, P, 3) float64
+        Of pixels in the picture's order.
     weight : (P, 3) float64
     """
     products = (weight * residuals[0] * residuals[1]).mean(axis=1)
     noise = (weight * (residuals[0] - residuals[1]) ** 2).mean(axis=1) / 2
-    variance = noise**2 + 2 * np.maximum(products, 0) * noise
-    return float(products.mean()), float(np.sqrt(variance.sum()) / len(products))
+    beside = np.roll(noise, 1)
+    variance = float(noise @ beside) + 2 * max(float(products @ beside), 0.0)
+    return float(products.mean()), float(np.sqrt(variance)) / len(products)
+
+
+def structured(residuals: Array, mask: NDArray[np.bool_]) -> float:
+    """Return the mean product of what one seed leaves in a pixel and the other in the next one, in a mask (H, W).
+
+    What is wrong reaches over neighbours, and noise does not: the photograph's own, too, which both seeds' residuals
+    (2, H, W, 3) share in one pixel. Of a mask without neighbours, the mean product in its pixels.
+    """
+    first, second = residuals
+    found = [np.zeros((0, 3))]
+    for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        both = mask[here] & mask[there]
+        found.append((first[here] * second[there] + second[here] * first[there])[both] / 2)
+    products = np.concatenate(found)
+    return float((products if len(products) else (first * second)[mask]).mean())
 
 
 def fitting(shown: Array, wanted: Array, weight: Array) -> Array:

@@ -9,7 +9,7 @@ from pipeline.core.camera import Camera
 from pipeline.core.errors import LightsphereError
 from pipeline.core.inverse import LEAST, MOST, Model, grey, known_reflectances, moved, uncertainty
 from pipeline.core.inverse.brushing import brushing
-from pipeline.core.inverse.estimate import agreed, better, combined, newton, unexplained
+from pipeline.core.inverse.estimate import agreed, better, combined, newton, structured, unexplained
 from pipeline.core.inverse.lamps import powers
 from pipeline.core.inverse.photograph import averaged, inner, prepared, weights
 from pipeline.core.inverse.radiosity import corrections
@@ -64,6 +64,37 @@ def test_render_noise_is_no_error_and_a_wrong_model_is(bases: tuple[np.ndarray, 
     assert better(simple, rich, 1e-4)
     needless = combined(noisy, 0.5 * true[0], weight)
     assert not better(combined(noisy[:, :1], 0.5 * true[0], weight), needless, 1e-4)
+
+
+@pytest.mark.parametrize("scatter", ["Gaussian", "fireflies"])
+def test_how_far_noise_moves_an_error_is_told_by_one_pair_of_renders(scatter: str) -> None:
+    rng = np.random.default_rng(7)
+    spread = 0.2 * (1.5 + np.sin(np.arange(400) / 40))[:, None]  # alike in neighbours
+    missing = 0.1 * np.cos(np.arange(400) / 60)[:, None]
+    size = (600, 2, 400, 1)
+    noise = rng.normal(size=size) if scatter == "Gaussian" else rng.gamma(0.2, 1.0, size) - 0.2
+    noise *= spread / noise.std()
+    found = np.array([unexplained(missing - np.repeat(one, 3, axis=2), np.ones((400, 3))) for one in noise])
+    told, true = np.sqrt((found[:, 1] ** 2).mean()), found[:, 0].std()
+    assert told == pytest.approx(true, rel=0.15), scatter
+    squared = ((noise[:, 0] - noise[:, 1]) ** 2 / 2) ** 2  # what each pixel alone would say
+    assert np.sqrt(squared.sum(axis=(1, 2)).mean()) / 400 > 1.3 * true
+
+
+def test_what_neighbours_share_is_an_error_and_noise_of_the_photograph_is_none() -> None:
+    rng = np.random.default_rng(8)
+    mask = np.zeros((60, 80), bool)
+    mask[5:55, 3:70] = True
+    photograph = rng.normal(0, 0.5, (60, 80, 3))
+    renders = rng.normal(0, 0.5, (2, 60, 80, 3))
+    assert structured(photograph + renders, mask) == pytest.approx(0, abs=0.01)
+    assert unexplained((photograph + renders)[:, mask], np.ones((mask.sum(), 3)))[0] == pytest.approx(0.25, rel=0.1)
+    pattern = 0.4 * np.kron(rng.choice([-1.0, 1.0], (15, 20, 1)), np.ones((4, 4, 1)))
+    found = structured(photograph + renders + pattern, mask)
+    assert found == pytest.approx(0.16 * 3 / 4, rel=0.2)  # of four neighbours three are of the same patch
+    alone = np.zeros((60, 80), bool)
+    alone[::2, ::2] = True
+    assert structured(renders + pattern, alone) == pytest.approx(0.16, rel=0.15)
 
 
 def test_a_step_reaches_a_linear_optimum_and_leaves_what_nothing_shows() -> None:
