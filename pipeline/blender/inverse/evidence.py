@@ -11,12 +11,11 @@ from ...core.inverse.brushing import brushing
 from ...core.inverse.estimate import structured, unexplained
 from ...core.inverse.photograph import Photograph, inner, weights
 from ...core.inverse.texture import smoothed
-from .levels import ENOUGH
 from .room import Room
 
 Array = NDArray[np.float64]
 FEWEST = 6  # pixels without which a group's own are not judged
-LEVEL_SAMPLES, MOST_SAMPLES = 16, 128
+MOST_SAMPLES = 512  # a pixel of a small group
 USUAL = 160 * 120  # pixels for which numbers of samples are stated
 SMOOTH = 4.0  # standard deviation over which light does not vary much [px]
 DARK = 1e-6  # of the photograph's mean: what shows less counts as that
@@ -82,18 +81,17 @@ class Evidence:
         """Render the room as it is with a new seed."""
         return self.room.render(self.samples(samples), self.next_seed())
 
-    def residuals(self, samples: int) -> Array:
-        """Return photograph less render by two seeds, (2, H, W, 3)."""
-        return self.photograph - np.stack([self.render(samples) for _ in range(2)])
+    def residuals(self, samples: int, enough: int = 0) -> Array:
+        """Return photograph less render by two seeds, (2, H, W, 3).
 
-    def even_residuals(self) -> Array:
-        """Return the same, but groups of few pixels get more samples, so that all are judged alike."""
-        residuals = self.residuals(LEVEL_SAMPLES)
+        Groups of few pixels get more samples, so that they have enough in all, and all are judged alike.
+        """
+        residuals = self.photograph - np.stack([self.render(samples) for _ in range(2)])
         for mask in self.masks:
-            samples = min(round(ENOUGH / max(mask.sum(), 1)), MOST_SAMPLES)
-            if mask.any() and samples > self.samples(LEVEL_SAMPLES):
+            more = min(round(enough / max(mask.sum(), 1)), MOST_SAMPLES)
+            if mask.any() and more > self.samples(samples):
                 for own in residuals:
-                    own[mask] = self.photograph[mask] - self.room.pixels(mask, samples, self.next_seed())
+                    own[mask] = self.photograph[mask] - self.room.pixels(mask, more, self.next_seed())
         return residuals
 
     def mean(self, shown: Array, number: int) -> Array:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...core.progress import Work
 from ...core.tradeoff import Trial
-from .solve import LAST_DAMPING, LAST_SAMPLES, LEVELS_END, Search
+from .levels import ENOUGH
+from .solve import LAST_DAMPING, LAST_SAMPLES, LEVEL_SAMPLES, LEVELS_END, Search
 
 BUDGETS = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
 MOVES = 3  # of all groups together
@@ -42,7 +43,7 @@ class Forecast(Search):
             self._choose(waiting[0], (yield from self._examined(waiting[0])))
             level = time.perf_counter() - start
         start = time.perf_counter()
-        self.evidence.residuals(LAST_SAMPLES)
+        self.evidence.residuals(LAST_SAMPLES, ENOUGH)
         move = time.perf_counter() - start
         start = time.perf_counter()
         yield from self._refine("refine", rounds=MOVES, samples=LAST_SAMPLES, damping=LAST_DAMPING, least=MOVES)
@@ -53,7 +54,7 @@ class Forecast(Search):
 
     def _waiting(self) -> list[int]:
         """Return the groups that a search would look for a level of now, the worst first."""
-        return self._open(self.evidence.errors(self.evidence.even_residuals()))
+        return self._open(self.evidence.errors(self.evidence.residuals(LEVEL_SAMPLES, ENOUGH)))
 
     def _trial(self, budget: float, beside: float, first: float, levels: float, slopes: float, move: float) -> Trial:
         left = max(budget - beside - first, 0.0)

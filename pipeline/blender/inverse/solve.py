@@ -31,7 +31,7 @@ from .evidence import STEADY, Evidence
 from .found import Found
 from .groups import place_of
 from .lamps import found_lamps, listed_lamps, start_lamps
-from .levels import ANGLES, Tried, examined, perfected, simplest
+from .levels import ANGLES, ENOUGH, Tried, examined, perfected, simplest
 from .paint import paint
 from .room import Room, State
 from .settle import settle
@@ -39,7 +39,7 @@ from .together import LONGEST, Gains, Unknown, derivatives, step, unknowns
 
 Array = NDArray[np.float64]
 DIFFUSE_SAMPLES = (4, 4, 8, 16)  # of the rounds that begin a search
-ROUNDS = 8  # of looking for levels
+ROUNDS, LEVEL_SAMPLES = 8, 16  # of looking for levels
 LEVELS_END = 0.6  # share of the budget after which that ends: the last moves are of all groups, and give the error bars
 WORST = 0.4  # of the largest error: groups above it are looked at before the others
 WORTH = 0.03  # relative error of a group below which no richer level is looked for
@@ -162,7 +162,7 @@ class Search:
         wrong elsewhere shows in reflections.
         """
         evidence = self.evidence
-        residuals = evidence.even_residuals()
+        residuals = evidence.residuals(LEVEL_SAMPLES, ENOUGH)
         errors = evidence.errors(residuals)
         waiting, changed = sorted(self.patterned), False
         for number in self._open(errors):
@@ -323,7 +323,7 @@ class Search:
             begun = self._spent()
             if begun + lasts > end and turn >= least:
                 break
-            residuals = evidence.residuals(samples)
+            residuals = evidence.residuals(samples, ENOUGH if least else 0)
             error, noise = evidence.error(residuals)
             if best is not None and error > 2 * best[0] + STEADY * noise:
                 self.room.set(best[1])
