@@ -214,7 +214,7 @@ class Search:
         for number in textured:  # what lobes reflect
             self._paint(number)
         glossy = [number for number, level in enumerate(levels) if level not in ("diffuse", "texture")]
-        for number in sorted(glossy, key=self._left, reverse=True):  # what is explained least bends the others most
+        for number in sorted(glossy, key=self._help, reverse=True):  # the least sure levels first
             if self._spent() < LEVELS_END:
                 best = yield from self._examined(number, closer=CLOSER)
                 self._choose_better(number, best)
