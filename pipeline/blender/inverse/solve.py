@@ -87,7 +87,6 @@ class Search:
         self.evidence = Evidence(room, photograph)
         self.masks = self.evidence.masks
         self.patterned: set[int] = set()  # groups whose picture no lobe explains
-        self.looked: set[int] = set()  # groups that were looked at since all were
         self.tried: list[list[dict[str, Any]]] = [[] for _ in names]
         self.costs = [{"renders": 0.0, "seconds": 0.0} for _ in names]  # of what was rendered for one group alone
         self.turned: dict[int, int] = {}  # how often the steps of groups that settled have turned
@@ -155,7 +154,7 @@ class Search:
         self._picture("diffuse")
 
     def _levels(self) -> Work[bool]:
-        """Look for a level for every group whose picture is not explained; return whether there is more to look for.
+        """Look for a level for every group whose picture is not explained; return whether one changed.
 
         What no level explains has a texture; that is said of one group at a time, of the one that is explained least,
         and not before all other groups have their level, unless it is a fine pattern that lobes do nothing for: what is
@@ -169,7 +168,6 @@ class Search:
             if self._spent() > LEVELS_END:
                 break
             before = self.room.models[number].level
-            self.looked.add(number)
             best = yield from self._examined(number)
             if before == "texture" and self._left(number) > WORTH:
                 self._paint(number)
@@ -178,30 +176,22 @@ class Search:
             changed |= best.level != before
             if self._help(number) >= LOBES_HELP and self.room.layers[number] and self.settings.levels == "all":
                 self.patterned.add(number)
-        unheard = bool(self._asking(errors).keys() - self.looked)
         fine = {number: evidence.fine_share(residuals, number) > FINE for number in self.patterned}
         plain = [number for number, is_fine in fine.items() if is_fine and self._help(number) > NO_HELP]
         still = [number for number in waiting if errors[number] > (WORTH if fine[number] else COARSE)]
-        if chosen := sorted(plain if changed or unheard else still, key=self._left)[-1:]:
+        if chosen := sorted(plain if changed else still, key=self._left)[-1:]:
             self._paint(chosen[0])
             self.patterned.clear()  # the others may look otherwise now
             changed = True
         self._note("levels", self.evidence.residuals(NOTED_SAMPLES))
         self._picture("levels")
-        return changed or unheard or len(self.patterned) > len(waiting)  # one that waits now is heard in the next round
+        return changed or len(self.patterned) > len(waiting)  # one that waits now is heard in the next round
 
     def _open(self, errors: list[float]) -> list[int]:
-        """Return the groups whose error asks for another level, the worst first; none again before all others."""
-        left = self._asking(errors)
-        if left.keys() <= self.looked:
-            self.looked.clear()
-        fresh = [number for number in sorted(left, key=lambda n: -left[n]) if number not in self.looked]
-        return [number for number in fresh if left[number] > WORST * left[fresh[0]]]
-
-    def _asking(self, errors: list[float]) -> dict[int, float]:
-        """Return the errors of the groups that another level may explain."""
+        """Return the groups whose error asks for another level, the worst first."""
         settled = self.patterned | set(self.room.known)
-        return {number: error for number, error in enumerate(errors) if error > WORTH and number not in settled}
+        left = [0.0 if number in settled else error for number, error in enumerate(errors)]
+        return [number for number in map(int, np.argsort(left)[::-1]) if left[number] > max(WORTH, WORST * max(left))]
 
     def _look_again(self) -> Work[bool]:
         """Look at lobes and textures again with the surroundings as they are now: the wrong ones bent them before.
