@@ -14,10 +14,12 @@ from pipeline import cli
 from pipeline.blender import cycles, exr
 from pipeline.blender.inverse import groups
 from pipeline.blender.inverse.evidence import Evidence
+from pipeline.blender.inverse.levels import Tried, simplest, undecided
 from pipeline.blender.inverse.room import Room
 from pipeline.blender.inverse.settle import settle
 from pipeline.blender.pixels import array
 from pipeline.core.inverse import GGX, Model
+from pipeline.core.inverse.estimate import Fit
 from pipeline.core.inverse.photograph import averaged, prepared
 from pipeline.core.progress import finish
 from scenes import rooms
@@ -69,6 +71,17 @@ def photographed(scene: bpy.types.Scene, path: Path, samples: int) -> None:
     scene.render.use_file_extension = False
     with cycles.openexr(scene):
         cycles.render(scene, path)
+
+
+def test_noise_leaves_open_what_a_closer_look_decides() -> None:
+    def tried(mirror: float, lobe: float, noise: float) -> list[Tried]:
+        errors = {"diffuse": 0.1, "mirror": mirror, "isotropic": lobe}
+        factors, nothing = np.ones((1, 3)), np.zeros(3)
+        return [Tried(Model(name, nothing, nothing), Fit(factors, error, noise)) for name, error in errors.items()]
+
+    noisy, sure, alike = tried(0.013, 0.0002, 0.005), tried(0.013, 0.0002, 0.0005), tried(0.0003, 0.0002, 0.00001)
+    assert [simplest(one).model.level for one in (noisy, sure, alike)] == ["mirror", "isotropic", "mirror"]
+    assert [undecided(one) for one in (noisy, sure, alike)] == [["mirror", "isotropic"], [], []]
 
 
 @pytest.mark.parametrize("angle", [DEGREES, DEGREES + 90])
