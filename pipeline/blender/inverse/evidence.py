@@ -130,11 +130,10 @@ class Evidence:
 
     def errors(self, residuals: Array) -> list[float]:
         """Return the relative error of every group with all noise taken off, 0 where it is within noise."""
-        found = []
+        missing, found = np.sqrt(self.weight) * residuals, []
         for mask in self.masks:
             mean, noise = unexplained(residuals[:, mask], self.weight[mask]) if mask.any() else (0.0, 0.0)
-            is_wrong = mean > STEADY * noise
-            found.append(structured(np.sqrt(self.weight) * residuals, mask) if is_wrong else 0.0)
+            found.append(structured(missing, mask) if mean > STEADY * noise else 0.0)
         return [float(np.sqrt(max(square, 0.0))) for square in found]
 
     def fine_share(self, residuals: Array, number: int) -> float:
