@@ -31,6 +31,7 @@ from .shape.uncalibrated import recover as uncalibrated
 SIZE = 12
 LIGHTS = (60, 30)
 PHOTOGRAPHS = 12  # under lights that are not known
+COARSE = 0.1  # step of pictures that hides what is lit
 
 
 def main() -> None:
@@ -39,6 +40,7 @@ def main() -> None:
         capture = drawn(Path(folder))
         for objective in OBJECTIVES:
             shape = finish(recover(capture, dataclasses.replace(ShapeSettings(), objective=objective)))
+        finish(recover(drawn(Path(folder) / "rounded", COARSE), ShapeSettings()))
         finish(photometric.recover(capture, dataclasses.replace(ShapeSettings(), method="acls")))
         distant = dataclasses.replace(
             capture, lights=dataclasses.replace(capture.lights, kind="distant", position=sphere(len(capture)))
@@ -75,8 +77,12 @@ def light_a_point() -> None:
     direct.white(lobe, up, up)
 
 
-def drawn(folder: Path) -> Capture:
-    """Draw a ball of radius 0.8 m, left half Lambertian and right half of two lobes, which one lobe does not fit."""
+def drawn(folder: Path, step: float = 0.0) -> Capture:
+    """Draw a ball of radius 0.8 m, left half Lambertian and right half of two lobes, which one lobe does not fit.
+
+    Values are rounded to a step unless that is 0.
+    """
+    folder.mkdir(exist_ok=True)
     to_world = np.eye(4)
     to_world[2, 3] = 5.0
     camera = Camera("pinhole", to_world, (SIZE, SIZE), (2.5 * SIZE, 2.5 * SIZE), (SIZE / 2, SIZE / 2))
@@ -99,6 +105,8 @@ def drawn(folder: Path) -> Capture:
         gloss = np.maximum((normal * half).sum(-1), 0.0)
         lobes = (0.6 * gloss**200 + 0.3 * gloss**12) * (cosine > 0) * (np.arange(SIZE) > SIZE // 2)
         picture = ((0.1 * cosine + lobes) * mask)[..., None] * 12.0 / d2
+        if step:
+            picture = step * np.round(picture / step)
         images.write_rgb(folder / name, np.repeat(picture, 3, axis=-1).astype(np.float32))
     images.write_channels(folder / "mask.exr", {"mask.V": mask.astype(np.float32)})
     return Capture(folder, camera, lights, files, ("",) * len(files), {"diameter": 1.6})

@@ -19,6 +19,7 @@ from .integration import PAIR_ERROR, integrate
 from .joint import GLOSSY, NONE
 from .lobe import DEPTH, DIFFUSE, LOG_ALPHA, NX
 from .observations import Observations, noise_of, observe
+from .rounded import average_allowed
 from .settings import ShapeSettings
 from .tangents import disagreement
 
@@ -62,6 +63,8 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
         return dataclasses.replace(as_source_shape(capture, mask, found), notes=left_out)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
+    if (views.values < 0.0).any() and not views.bounced:
+        yield from average_allowed(views, solution)
     depth, deviation = settle(views, solution, capture.camera, settings.fuse)
     return dataclasses.replace(as_shape(capture, mask, solution, depth, deviation), notes=left_out)
 

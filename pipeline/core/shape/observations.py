@@ -21,7 +21,7 @@ NOISE_SAMPLE = 3_000_000  # single colours looked at to estimate the noise floor
 UNFORESEEN = 0.02  # of the 90th percentile: how far bounced light strays from its model
 PLAUSIBLE = 0.5  # of the median: noise is densest at 0, its tenth percentile .19; marks of broken values are all alike
 BRIGHT_SHARE = 0.05  # in direct light more values than this are attached or cast shadow
-COARSE = 4.0  # steps that the median lit value has at most where quantisation hides what is lit
+COARSE = 16.0  # steps that the median lit value has at most where quantisation hides what is lit
 PREVIEW = 32  # pictures from which that is judged
 SMALLEST = 1e-7  # values below this share of the largest count as unlit: the rounding of half floats
 
