@@ -308,10 +308,10 @@ class Search:
         best: tuple[float, State, Array] | None = None
         moving = [wanted[place] for place in free]
         gains = Gains(moving, self.turned)
-        lasts = 0.0  # of a round, as a share of the budget
+        lasted: list[float] = []  # of rounds, as shares of the budget
         for turn in range(rounds):
             begun = self._spent()
-            if begun + lasts > end and turn >= least:
+            if begun + np.median(lasted[-3:] or [0.0]) > end and turn >= least:  # whatever disturbed a single one
                 break
             residuals = evidence.residuals(samples, ENOUGH if least else 0)
             error, noise = evidence.error(residuals)
@@ -330,7 +330,7 @@ class Search:
             self._look(moving, untold)
             self._note(stage, residuals)
             yield self._step(stage)
-            lasts = self._spent() - begun
+            lasted.append(self._spent() - begun)
             if min(n.min() for n in gains.turns) >= 2 and self.uncertainty() < self.settings.target / 100:
                 break
         if best is not None:  # the last step, too, is taken back where it leads away

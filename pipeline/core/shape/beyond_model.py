@@ -51,8 +51,11 @@ def compare(views: Views, surface: NDArray[np.int64], solution: Solution) -> Wor
     expected, precision = np.zeros((2, len(decided), UNKNOWNS))
     expected[:, 0] = depths[decided]
     precision[:, 0] = (FIRM * (views.far - views.near)[decided]) ** -2
+    fitted, stated = solution.state[decided, 0], solution.deviation[decided]
     refit(views, solution, decided, expected, precision, np.inf)
     solution.state[decided, 0] = depths[decided]
+    # The refit states how firmly the depth was held. It is doubtful as before, and by as much as it had to move.
+    solution.deviation[decided] = np.maximum(stated, np.abs(depths[decided] - fitted))
     return explained
 
 

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from pipeline.core.progress import finish
 from pipeline.core.rig import sphere
-from pipeline.core.shape.beyond_model import compare
+from pipeline.core.shape.beyond_model import FIRM, compare
 from pipeline.core.shape.coarse_to_fine import solve
+from pipeline.core.shape.double_sphere import OWN_ERROR
 from pipeline.core.shape.lobe import DEPTH
 from pipeline.core.shape.pairwise import FEWEST, NEAREST, cost_of, predict, spread_of
 from tests import drawn, oracles, synthetic
 
 BALL = synthetic.ball(synthetic.camera(14))
+ONE_DEVIATION = 0.683  # share of errors below it
 TARGET = oracles.unit(np.array([0.3, 0.1, 1.0]))
 
 
@@ -85,6 +87,22 @@ def test_depths_beyond_the_model_are_found_better(reflect: drawn.Reflect) -> Non
     assert joint > 0.1
     assert compared < 0.8 * joint
     assert np.nanmedian(explained) > 0.1
+
+
+@pytest.mark.parametrize("reflect", [retroreflective, brushed])
+def test_a_compared_depth_is_in_doubt_by_what_it_moved(reflect: drawn.Reflect) -> None:
+    capture = drawn.draw(BALL, drawn.two_spheres(320, 80), reflect)
+    views = drawn.views(capture)
+    solution = finish(solve(views, 12))
+    before, stated = solution.state[:, DEPTH].copy(), solution.deviation.copy()
+    finish(compare(views, capture.lights.surface, solution))
+    moved = np.abs(solution.state[:, DEPTH] - before)
+    assert (moved > 0).mean() > 0.5
+    assert (solution.deviation >= np.maximum(stated, moved)).all()
+    error = np.abs(solution.state[:, DEPTH] - BALL.depth[capture.mask()])[moved > 0]
+    assert (error < OWN_ERROR * solution.deviation[moved > 0]).mean() > ONE_DEVIATION
+    firmness = (FIRM * (views.far - views.near))[moved > 0]  # by which a compared depth is held is no error bar
+    assert (error < OWN_ERROR * firmness).mean() < ONE_DEVIATION
 
 
 def test_depths_within_the_model_are_left_alone() -> None:
