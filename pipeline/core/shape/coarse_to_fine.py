@@ -218,5 +218,7 @@ def _neighbours_lobes(
     spread = 1.4826 * np.nanmedian(np.abs(lobes[enough] - middle[:, None]), axis=1)
     lobe = slice(LOG_ALPHA - 1, DIRECT_UNKNOWNS)
     expected[enough, lobe] = middle
-    precision[enough, lobe] = COMPANY_TRUST / (spread**2 + 1e-6 * (1e-6 + middle**2))
+    unit = np.ones_like(middle)  # in which unknowns are small numbers
+    unit[:, DIFFUSE - LOG_ALPHA :] = middle[:, DIFFUSE - LOG_ALPHA :].max(axis=1, keepdims=True)
+    precision[enough, lobe] = COMPANY_TRUST / (spread**2 + 1e-6 * (1e-6 * unit**2 + middle**2))
     return expected, precision

@@ -41,6 +41,7 @@ SLACK = 0.05  # of half a step, by which the model itself may be off
 OUTLIER, OUTSIDE = 1e-3, 0.02  # probability that a lit value is none of the model's, and of such a value where it is
 DEPTH_PRIOR = 0.25  # of the way between the depth's limits: how far it may be from the fit's
 PRIOR = np.array([0.0, 0.4, 0.4, 0.7, 0.3, 1.0, 0.3, 0.3])  # of the others; of reflectances, over the diffuse one
+FAINT = 1e-3  # of the lobe: diffuse reflectances below it may be that
 LOBE = 3  # the first unknown that neighbours tell; the last is the last of direct light
 TELLS = 0.02  # of what was known of an unknown beforehand: less is not told
 TELLING = 1.5  # half steps expected at least where a dark pixel tells of shadow
@@ -190,7 +191,7 @@ def propagate(jacobian, value, low, high, lit, shadow, slack, mean, covariance):
         for i in range(count):
             along = covariance @ jacobian[i]
             variance = jacobian[i] @ along
-            if variance <= 1e-30:
+            if variance <= 1e-18 * slack * slack:  # as where a light is behind the surface
                 continue
             now = jacobian[i] @ mean + value[i]
             without = 1.0 / variance - tau[i]
@@ -207,8 +208,7 @@ def propagate(jacobian, value, low, high, lit, shadow, slack, mean, covariance):
             share = (1.0 - other) * mass
             share /= share + other * (OUTSIDE if i < lit else 1.0)
             both = share * inside + (1.0 - share) * centre
-            square = share * (narrow + inside * inside) + (1.0 - share) * (rest + centre * centre)
-            spread = square - both * both
+            spread = share * (narrow + (inside - both) ** 2) + (1.0 - share) * (rest + (centre - both) ** 2)
             new_tau = max(1.0 / spread - without, 0.0)
             new_nu = both / spread - centre * without if new_tau > 0.0 else 0.0
             by_tau, by_nu = (1.0 - KEPT) * (new_tau - tau[i]), (1.0 - KEPT) * (new_nu - nu[i])
@@ -256,7 +256,7 @@ def beforehand(state, glossy, pixel):  # type: ignore[no-untyped-def]
     """Return mean, over the state, and standard deviation of the unknowns before the pictures are looked at."""
     mean, spread = np.zeros(DIRECT_UNKNOWNS), PRIOR.copy()
     spread[0] = DEPTH_PRIOR * (pixel.far - pixel.near)
-    diffuse = max(state[DIFFUSE], 1e-3)
+    diffuse = max(state[DIFFUSE], FAINT * (state[SPECULAR] + state[RISE]), 1e-30)
     spread[5] *= diffuse
     spread[6], spread[7] = max(state[SPECULAR], spread[6] * diffuse), max(state[RISE], spread[7] * diffuse)
     for j in range(LOBE, DIRECT_UNKNOWNS):

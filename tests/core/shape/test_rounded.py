@@ -87,6 +87,16 @@ def test_the_mean_of_what_is_allowed_beats_the_middles_of_steps() -> None:
     assert 0.5 < np.median(after / solution.deviation) / norm.ppf(0.75) < 2
 
 
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_the_unit_of_the_pictures_does_not_matter(factor: float) -> None:
+    depths = []
+    for unit in (1.0, factor):
+        capture = coarse(0.9)
+        assert capture.pictures is not None
+        depths.append(drawn.solved(dataclasses.replace(capture, pictures=capture.pictures * np.float32(unit))).depth)
+    np.testing.assert_allclose(depths[1], depths[0], atol=1e-3 * drawn.DIAMETER)  # a quarter of the errors
+
+
 def test_roundings_that_hide_nothing_are_left_to_least_squares(monkeypatch: pytest.MonkeyPatch) -> None:
     called = []
     monkeypatch.setattr(double_sphere, "average_allowed", lambda *given: called.append(given) or iter(()))
