@@ -59,12 +59,13 @@ def export(blend: Path, gltf: Path | None, usd: Path | None) -> None:
         raise LightsphereError(f"{blend} holds no Principled material; write it with --principled")
     if gltf is not None:
         bpy.ops.preferences.addon_enable(module="io_scene_gltf2")
-        partial = gltf.with_name(f".{gltf.stem}.part.glb")
+        partial = _partial(gltf)
         bpy.ops.export_scene.gltf(filepath=str(partial.resolve()), export_format="GLB", use_selection=True)
         partial.replace(gltf)
     if usd is not None:
+        partial = _partial(usd)
         bpy.ops.wm.usd_export(
-            filepath=str(usd.resolve()),
+            filepath=str(partial.resolve()),
             selected_objects_only=True,
             export_animation=False,
             generate_materialx_network=True,
@@ -73,6 +74,12 @@ def export(blend: Path, gltf: Path | None, usd: Path | None) -> None:
             overwrite_textures=True,
             convert_world_material=False,
         )
+        partial.replace(usd)
+
+
+def _partial(path: Path) -> Path:
+    """Return the name under which a file is written until it is whole; exporters go by its ending."""
+    return path.with_name(f".{path.stem}.part{path.suffix}")
 
 
 def write_textures(folder: Path, found: Principled, normal_map: NDArray[np.float32] | None) -> None:

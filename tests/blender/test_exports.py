@@ -137,7 +137,9 @@ def test_usd_holds_a_materialx_network_whose_textures_are_there(made: dict[str, 
     assert any("surface" in name and name.startswith("ND_") for name in names)
     files = [shader.GetInput("file").Get() for shader in shaders if shader.GetInput("file")]
     assert files and all((folder / file.path).is_file() for file in files)
-    assert str(made["folder"]) not in (folder / "thing.usda").read_text()
+    written = (folder / "thing.usda").read_text()
+    assert str(made["folder"]) not in written and ".part" not in written
+    assert [path for path in made["folder"].rglob("*") if ".part" in path.name] == []
 
 
 def test_plain_textures_hold_what_was_fitted(made: dict[str, Any]) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 
-from pipeline.blender.inverse import groups
+from pipeline.blender.inverse import groups, together
 from pipeline.blender.inverse.evidence import Evidence
 from pipeline.blender.inverse.room import Room
 from pipeline.blender.inverse.together import derivatives
@@ -72,6 +73,23 @@ def test_derivatives_of_the_picture_are_its_changes(evidence: Evidence) -> None:
         for number in range(len(room.groups)):
             slope = (evidence.mean(changed, number) - evidence.mean(shown, number)) / STEP
             assert evidence.mean(slopes, number) == pytest.approx(slope, rel=0.25, abs=0.01), (number, moved)
+
+
+def test_what_no_pixel_shows_is_told_by_little_noise(evidence: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = evidence.room
+    side = [group.name for group in room.groups].index("Side")
+    evidence.masks[side][:] = False
+    even = np.any([binary_erosion(mask, iterations=2) for mask in evidence.masks], axis=0)  # no edge is near
+    shown = room.render(4 * SAMPLES, 2, True)
+    with room.moving(side, "diffuse", STEP):
+        true = (room.render(4 * SAMPLES, 2, True) - shown) / STEP
+    errors = []
+    for filtered in (True, False):
+        if not filtered:
+            monkeypatch.setattr(together, "median_filter", lambda picture, size: picture)
+        found = finish(derivatives(evidence, [(side, "diffuse")])).mean(axis=0)[0]
+        errors.append(np.sqrt(np.mean((found - true)[even] ** 2)))
+    assert errors[0] < 0.8 * errors[1]
 
 
 def test_every_window_has_all_its_pixels(evidence: Evidence) -> None:

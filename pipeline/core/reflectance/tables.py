@@ -21,9 +21,9 @@ from ..condition import condition, noted
 from ..errors import LightsphereError
 from ..progress import Work
 from ..shape import Shape
+from ..shape.photometric.foreseen import predict
 from ..shape.photometric.held_out import split
 from ..shape.photometric.known_normals import tabulate, weigh
-from ..shape.photometric.pixel import predict
 from ..shape.photometric.sight import Sight, see
 from ..shape.photometric.start import seen_from
 from . import ReflectanceSettings, lobes, recovered_pixels

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from ...progress import Progress, Work
 from . import bases
-from .pixel import misfit, noise_of, refine, settle
+from .foreseen import noise_of
+from .pixel import misfit, refine, settle
 from .sight import Sight
 from .start import WIDTH, Start, begin, clusters
 

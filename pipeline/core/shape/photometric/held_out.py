@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .acls import Decomposition
-from .pixel import predict
+from .foreseen import predict
 from .sight import Sight
 
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ...progress import Work
 from ...reflectance.angles import difference_angles
 from .acls import Alternation, Options, alternate, usual
-from .pixel import noise_of, refine, settle
+from .foreseen import noise_of
+from .pixel import refine, settle
 from .sight import Sight
 from .start import Start, begin
 

@@ -13,58 +13,16 @@ from numba import prange
 from numpy.typing import NDArray
 
 from ...compiled import kernel, parallel_kernel
-from ...reflectance.angles import cell, half_coordinate
 from ...reflectance.nonnegative import MOST, solve
+from .foreseen import foresee, noise_of
 from .sight import directions
 
 STEPS = 4  # Gauss-Newton steps a round
 FINEST = 2e-5  # a step below this angle [rad] is the last
 LARGEST = 0.2  # longest step [rad]
-EVEN = 0.5  # of a pixel's usual value: below it values are equally noisy, above it their variance grows with them
-BRIGHT = 2.0  # from there on the error is a share of the value: a highlight does not outweigh everything
 SHADOWED, LIT = 0.25, 0.75  # share of the foreseen value at which a light is shadowed, and not
 SHADOW = 0.3  # how much a cast shadow counts beside light that nothing explains
 GRAZING = 0.02  # least cosine between normal and view of a surface that is seen
-
-
-@kernel
-def noise_of(value: float) -> float:
-    """Return the variance of a value over the pixel's usual one: even, then growing with it, then with its square."""
-    return EVEN + value + (value / BRIGHT) ** 2
-
-
-@kernel
-def _columns(
-    normal: NDArray[np.float64],
-    to_light: NDArray[np.float64],
-    half: NDArray[np.float64],
-    difference: NDArray[np.float64],
-    certainty: NDArray[np.float32],
-    table: NDArray[np.float64],
-    columns: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-) -> None:
-    """Fill in the model's columns A (L, K, S) and dA / d(n.h) (L, K, S); 0 where the light is behind or unused."""
-    nodes_h, nodes_d, bases, colours = table.shape
-    for k in range(to_light.shape[0]):
-        cosine = normal[0] * to_light[k, 0] + normal[1] * to_light[k, 1] + normal[2] * to_light[k, 2]
-        if cosine <= 0.0 or certainty[k] <= 0.0:
-            columns[k] = 0.0
-            slopes[k] = 0.0
-            continue
-        middle = normal[0] * half[k, 0] + normal[1] * half[k, 1] + normal[2] * half[k, 2]
-        u = half_coordinate(middle)
-        i, a = cell(u, nodes_h)
-        j, b = cell(difference[k], nodes_d)
-        beside = j + 1 if nodes_d > 1 else j
-        # u = (1 - c)^(1/4): du / dc = -u / (4 (1 - c))
-        rate = -cosine * (nodes_h - 1) * u / (4.0 * max(1.0 - middle, 1e-9))
-        for q in range(bases):
-            for s in range(colours):
-                low = (1.0 - b) * table[i, j, q, s] + b * table[i, beside, q, s]
-                high = (1.0 - b) * table[i + 1, j, q, s] + b * table[i + 1, beside, q, s]
-                columns[k, q, s] = cosine * (low + a * (high - low))
-                slopes[k, q, s] = rate * (high - low)
 
 
 @kernel
@@ -250,7 +208,7 @@ def refine(
         trial, tried = np.empty(3), np.empty((bases, sets))
         directions(points[p], views[p], lights, near, to_light, half, difference)
         normal = normals[p]
-        _columns(normal, to_light, half, difference, certainty[p], table, columns, slopes)
+        foresee(normal, to_light, half, difference, certainty[p], table, columns, slopes)
         best = _weigh(columns, values[p], certainty[p], gram, moments, weights[p])
         damping = 1e-3
         fresh = True
@@ -284,7 +242,7 @@ def refine(
                 towards += trial[i] * views[p, i]
             fresh = False
             if towards > GRAZING:
-                _columns(trial, to_light, half, difference, certainty[p], table, columns, slopes)
+                foresee(trial, to_light, half, difference, certainty[p], table, columns, slopes)
                 cost = _weigh(columns, values[p], certainty[p], gram, moments, tried)
                 fresh = cost < best
             if fresh:
@@ -334,7 +292,7 @@ def settle(
         to_light, half, difference = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
         columns, slopes = np.empty((count, bases, colours)), np.empty((count, bases, colours))
         directions(points[p], views[p], lights, near, to_light, half, difference)
-        _columns(normals[p], to_light, half, difference, usable[p], table, columns, slopes)
+        foresee(normals[p], to_light, half, difference, usable[p], table, columns, slopes)
         for k in range(count):
             seen, model = 0.0, 0.0
             channels = values.shape[2]
@@ -382,7 +340,7 @@ def misfit(
         to_light, half, difference = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
         columns, slopes = np.empty((count, bases, colours)), np.empty((count, bases, colours))
         directions(points[p], views[p], lights, near, to_light, half, difference)
-        _columns(normals[p], to_light, half, difference, usable[p], table, columns, slopes)
+        foresee(normals[p], to_light, half, difference, usable[p], table, columns, slopes)
         total = 0.0
         out[p] = 0.0
         for k in range(count):
@@ -400,32 +358,3 @@ def misfit(
             out[p] += usable[p, k] * most * e / (1.0 + e)
             total += usable[p, k]
         out[p] /= max(total, 1e-12)
-
-
-@parallel_kernel
-def predict(
-    lights: NDArray[np.float64],
-    near: bool,
-    points: NDArray[np.float64],
-    views: NDArray[np.float64],
-    table: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    out: NDArray[np.float32],
-) -> None:
-    """Fill in the model's values f cos(theta_i) of every pixel, light and colour (P, L, 3) [1/sr]."""
-    count = lights.shape[0]
-    bases, colours = table.shape[2:]
-    sets = weights.shape[2]
-    for p in prange(points.shape[0]):
-        to_light, half, difference = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-        columns, slopes = np.empty((count, bases, colours)), np.empty((count, bases, colours))
-        directions(points[p], views[p], lights, near, to_light, half, difference)
-        _columns(normals[p], to_light, half, difference, np.ones(count, np.float32), table, columns, slopes)
-        for k in range(count):
-            for i in range(3):
-                m, s = (i, 0) if sets > 1 else (0, min(i, colours - 1))
-                value = 0.0
-                for q in range(bases):
-                    value += weights[p, q, m] * columns[k, q, s]
-                out[p, k, i] = value

@@ -20,7 +20,8 @@ from ...progress import Progress, Work
 from ...reflectance.angles import difference_angles, half_angles
 from ..symmetry import azimuth, frames
 from . import lambertian
-from .pixel import misfit, noise_of, refine, settle
+from .foreseen import noise_of
+from .pixel import misfit, refine, settle
 from .sight import TINY, Sight
 
 ALPHAS = (0.04, 0.1, 0.2, 0.35, 0.6)
