@@ -63,7 +63,7 @@ def recover(capture: Capture, settings: ShapeSettings) -> Work[Shape]:
         return dataclasses.replace(as_source_shape(capture, mask, found), notes=left_out)
     solution = yield from solve(views, settings.min_lit)
     yield from compare(views, capture.lights.surface, solution)
-    if (views.values < 0.0).any() and not views.bounced:
+    if views.values.min() < 0.0 and not views.bounced:
         yield from average_allowed(views, solution)
     depth, deviation = settle(views, solution, capture.camera, settings.fuse)
     return dataclasses.replace(as_shape(capture, mask, solution, depth, deviation), notes=left_out)

@@ -31,8 +31,8 @@ from ..compiled import kernel, parallel_kernel
 from ..progress import Progress, Work
 from . import joint
 from .coarse_to_fine import BLOCK, Solution, Views
-from .fit import moved
-from .lobe import DIFFUSE, DIRECT_UNKNOWNS, HALF_STEP, LOG_ALPHA, RISE, SPECULAR, STATE, UNKNOWNS, Pixel, evaluate
+from .fit import PLACES, moved
+from .lobe import DIFFUSE, DIRECT_UNKNOWNS, HALF_STEP, RISE, SPECULAR, STATE, UNKNOWNS, Pixel, evaluate
 
 ROUNDS = 5  # in each of which the model is made linear anew, and the neighbours are asked
 SWEEPS = 4  # over all factors
@@ -63,19 +63,20 @@ def average_allowed(views: Views, solution: Solution) -> Work[None]:
     """
     pixels = np.flatnonzero(solution.kind != joint.NONE)
     expected, precision = np.zeros((2, len(pixels), UNKNOWNS))
-    told, telling = np.zeros((2, len(pixels), DIRECT_UNKNOWNS - LOBE))
+    told, told_precision = np.zeros((2, len(pixels), DIRECT_UNKNOWNS - LOBE))
     for turn in range(ROUNDS):
         shadow = shadowed(views, solution)
+        for j in range(LOBE, DIRECT_UNKNOWNS):
+            own = told[:, j - LOBE], told_precision[:, j - LOBE]
+            expected[:, j], precision[:, j] = pooled(views.mask, pixels, *own)
         for start in range(0, len(pixels), BLOCK):
             part = slice(start, start + BLOCK)
-            solution.deviation[pixels[part]], told[part], telling[part] = sweep_allowed(
+            solution.deviation[pixels[part]], told[part], told_precision[part] = sweep_allowed(
                 pixels[part], solution.state, solution.kind, views.rays, views.near, views.far, views.values,
                 views.positions, views.noise, shadow, expected[part], precision[part],
             )  # fmt: skip
             done = turn * len(pixels) + min(start + BLOCK, len(pixels))
             yield Progress("roundings", done, ROUNDS * len(pixels), "pixels")
-        for j in range(told.shape[1]):
-            expected[:, LOBE + j], precision[:, LOBE + j] = pooled(views.mask, pixels, told[:, j], telling[:, j])
 
 
 def shadowed(views: Views, solution: Solution) -> NDArray[np.float32]:
@@ -91,7 +92,7 @@ def shadowed(views: Views, solution: Solution) -> NDArray[np.float32]:
 
 
 def pooled(
-    mask: NDArray[np.bool_], pixels: NDArray[np.int64], told: NDArray[np.float64], telling: NDArray[np.float64]
+    mask: NDArray[np.bool_], pixels: NDArray[np.int64], told: NDArray[np.float64], precision: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what the pixels around say together of an unknown, and its precision, (N,) each.
 
@@ -100,7 +101,7 @@ def pooled(
     mask : (H, W) bool
     pixels : (N,) int64
         Which of its pixels tell.
-    told, telling : (N,) float64
+    told, precision : (N,) float64
         What each says, and its precision, 1 / variance; 0 where it says nothing.
 
     Returns
@@ -115,8 +116,8 @@ def pooled(
         picture[places] = values
         return np.asarray(gaussian_filter(picture, LOBE_REACH, mode="constant")[places])
 
-    tells = telling > 0.0
-    variance = 1.0 / np.where(tells, telling, 1.0)
+    tells = precision > 0.0
+    variance = 1.0 / np.where(tells, precision, 1.0)
     share = around(tells.astype(float))
     between = np.zeros(len(told))
     for _ in range(POOLINGS):
@@ -222,10 +223,10 @@ def propagate(jacobian, value, low, high, lit, shadow, slack, mean, covariance):
 
 
 @kernel
-def allowed(state, glossy, pixel, shadow, told, telling):  # type: ignore[no-untyped-def]
+def allowed(state, glossy, pixel, shadow, told, told_precision):  # type: ignore[no-untyped-def]
     """Move a state to the mean of what a pixel's roundings allow; return the spread of its depth [m].
 
-    Fills ``told`` and ``telling``, (5,) each, with what the roundings alone say of the lobe, and its precision.
+    Fills ``told`` and ``told_precision``, (5,) each, with what the roundings alone say of the lobe, and its precision.
     """
     count = len(pixel.roots)
     half = HALF_STEP * pixel.noise
@@ -242,8 +243,8 @@ def allowed(state, glossy, pixel, shadow, told, telling):  # type: ignore[no-unt
         known = 1.0 / (spread[j] * spread[j])
         own = 1.0 / covariance[j, j] - known
         if glossy and own > TELLS * known:
-            telling[j - LOBE] = own
-            told[j - LOBE] = state[LOG_ALPHA + j - LOBE] + (mean[j] / covariance[j, j] - before[j] * known) / own
+            told_precision[j - LOBE] = own
+            told[j - LOBE] = state[PLACES[j]] + (mean[j] / covariance[j, j] - before[j] * known) / own
     step, moved_state = np.zeros(UNKNOWNS), np.empty(STATE)
     step[:DIRECT_UNKNOWNS] = mean
     moved(state, step, pixel, moved_state)
@@ -262,7 +263,7 @@ def beforehand(state, glossy, pixel):  # type: ignore[no-untyped-def]
     for j in range(LOBE, DIRECT_UNKNOWNS):
         if glossy and pixel.precision[j] > 0.0:
             spread[j] = 1.0 / math.sqrt(pixel.precision[j])
-            mean[j] = pixel.expected[j] - state[LOG_ALPHA + j - LOBE]
+            mean[j] = pixel.expected[j] - state[PLACES[j]]
         elif not glossy and j != 5:
             spread[j] = 1e-9
     return mean, spread
@@ -277,7 +278,8 @@ def sweep_allowed(  # type: ignore[no-untyped-def]
     Returns the spreads of their depths, (N,), and what their lobes are told to be and by which precision, (N, 5) each.
     """
     spreads = np.empty(len(pixels))
-    told, telling = np.zeros((len(pixels), DIRECT_UNKNOWNS - LOBE)), np.zeros((len(pixels), DIRECT_UNKNOWNS - LOBE))
+    told = np.zeros((len(pixels), DIRECT_UNKNOWNS - LOBE))
+    told_precision = np.zeros_like(told)
     for i in prange(len(pixels)):
         own = pixels[i]
         pixel = joint.gather(
@@ -285,5 +287,5 @@ def sweep_allowed(  # type: ignore[no-untyped-def]
         )
         known = np.concatenate((np.flatnonzero(values[own] > 0.0), np.flatnonzero(values[own] < 0.0)))
         dark = shadow[own][known].astype(np.float64)
-        spreads[i] = allowed(states[own], kinds[own] == joint.GLOSSY, pixel, dark, told[i], telling[i])
-    return spreads, told, telling
+        spreads[i] = allowed(states[own], kinds[own] == joint.GLOSSY, pixel, dark, told[i], told_precision[i])
+    return spreads, told, told_precision
