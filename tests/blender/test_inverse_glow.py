@@ -92,6 +92,40 @@ def test_what_no_pixel_shows_is_told_by_little_noise(evidence: Evidence, monkeyp
     assert errors[0] < 0.8 * errors[1]
 
 
+def test_derivatives_grow_with_the_reflectances_they_are_of(evidence: Evidence) -> None:
+    room, wanted = evidence.room, [(0, "diffuse")]
+    here, there = together.sizes(room, wanted), finish(derivatives(evidence, wanted)).mean(axis=(0, 1))
+    room.move(0, "diffuse", np.log([0.3, 0.5, 0.7]))
+    foretold = there * (together.sizes(room, wanted) / here)[0]
+    now = finish(derivatives(evidence, wanted)).mean(axis=(0, 1))
+    assert evidence.mean(foretold, 0) == pytest.approx(evidence.mean(now, 0), rel=0.15)  # of light between surfaces
+    assert evidence.mean(now, 0)[0] < 0.4 * evidence.mean(there, 0)[0]
+
+
+def test_no_step_leads_beyond_what_a_surface_can_reflect(evidence: Evidence) -> None:
+    room, wanted = evidence.room, [(0, "diffuse"), (1, "diffuse")]
+    room.move(0, "diffuse", np.log([0.9, 1.9, 0.002]))  # .95 of green, and black in blue
+    slopes = finish(derivatives(evidence, wanted))
+    missing = np.stack([np.broadcast_to([1.0, 1.0, -1.0], evidence.photograph.shape)] * 2)
+    (by, _), *_ = together.step(evidence, wanted, slopes, missing, 0.01)
+    assert by == pytest.approx([together.LONGEST, np.log(0.98 / 0.95), 0.0], abs=1e-6)
+
+
+def test_where_a_reflection_is_told_more_samples_are_taken(evidence: Evidence) -> None:
+    hidden = 2
+    evidence.masks[hidden][:] = False
+    slopes = np.zeros((2, 1, HEIGHT, WIDTH, 3))
+    rows, columns = np.nonzero(binary_erosion(evidence.masks[0], iterations=2))
+    patch = np.zeros((HEIGHT, WIDTH), bool)
+    patch[rows[0] : rows[0] + 3, columns[0] : columns[0] + 3] = True
+    slopes[:, :, patch] = 1.0
+    (found,) = together.reflections(evidence, [(hidden, "diffuse")], slopes)
+    assert (found & ~patch).sum() == 0 and found.sum() >= 0.8 * patch.sum()
+    residuals = evidence.residuals(1, 256 * int(found.sum()), [found])
+    noise = np.abs(residuals[0] - residuals[1]).mean(axis=-1)
+    assert noise[found].mean() < 0.3 * noise[evidence.masks[0] & ~found].mean()
+
+
 def test_every_window_has_all_its_pixels(evidence: Evidence) -> None:
     """Blender rounds the sides of a window down, and its floats are short."""
     for axis, size in enumerate((HEIGHT, WIDTH)):

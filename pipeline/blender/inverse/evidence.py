@@ -81,13 +81,14 @@ class Evidence:
         """Render the room as it is with a new seed."""
         return self.room.render(self.samples(samples), self.next_seed())
 
-    def residuals(self, samples: int, enough: int = 0) -> Array:
+    def residuals(self, samples: int, enough: int = 0, beside: Sequence[NDArray[np.bool_]] = ()) -> Array:
         """Return photograph less render by two seeds, (2, H, W, 3).
 
-        Groups of few pixels get more samples, so that they have enough in all, and all are judged alike.
+        Groups of few pixels, and masks (H, W) beside them, get more samples, so that they have enough in all, and all
+        are judged alike.
         """
         residuals = self.photograph - np.stack([self.render(samples) for _ in range(2)])
-        for mask in self.masks:
+        for mask in (*self.masks, *beside):
             more = min(round(enough / max(mask.sum(), 1)), MOST_SAMPLES)
             if mask.any() and more > self.samples(samples):
                 for own in residuals:

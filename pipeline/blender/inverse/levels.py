@@ -29,6 +29,7 @@ LONGEST = {"alpha": 0.5, "ratio": 0.7, "angle": 25.0}  # of a step: logarithms, 
 TAILED = 0.8  # of Beckmann's slope, where the descent to a distribution of longer tails begins
 STEPS_DOWN, DAMPING, SETTLED = 12, 1e-3, 0.03
 WORTH = 0.02**2  # mean square relative error that a richer level must take off
+NOISY = 4.0  # times what the best's error is surely below: what may be worse than that is too noisy to be chosen
 PROMISING = 0.06**2  # mean square relative error of a plastic below which it may explain as much as more parameters do
 ENOUGH = 20_000  # samples on a group's pixels by which a picture of it is judged
 SAMPLES = (2, 64)
@@ -56,12 +57,14 @@ class Tried:
 def simplest(tried: list[Tried]) -> Tried:
     """Return the simplest model that explains a group as well as any, of those that surely do so as well as diffuse.
 
-    The sharp picture of a small lamp is so noisy that its error may be anything. A perfect mirror is not among them: as
+    The sharp picture of a small lamp is so noisy that its error may be anything: what may be far worse than the best is
+    not chosen. A perfect mirror is not among them: as
     long as its surroundings are wrong it may fit by chance, and nothing would move it any more.
     """
     told = [one for one in tried if FREE[one.model.level] and one.fit.surely_below <= tried[0].fit.surely_below]
     best = min((one.fit for one in told), key=lambda fit: fit.surely_below)
-    return next(one for one in told if not better(one.fit, best, WORTH))
+    sure = [one for one in told if one.fit.surely_below <= NOISY * max(best.surely_below, WORTH)]
+    return next(one for one in sure if not better(one.fit, best, WORTH))
 
 
 def undecided(tried: list[Tried]) -> list[str]:

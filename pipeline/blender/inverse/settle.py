@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.inverse import FREE
 from ...core.progress import Progress, Work
-from . import levels, together
+from . import together
 from .evidence import Evidence
 
 LOOKS, ROUNDS = 4, 14
@@ -48,8 +48,7 @@ def settle(evidence: Evidence, number: int) -> Work[None]:
                 one[mask] = evidence.photograph[mask] - shown
             moves, *_ = together.step(evidence, wanted, np.stack([slopes, slopes]), missing, DAMPING)
             for kind, by, gain in zip(kinds, moves, gains.of(moves), strict=True):
-                longest = levels.LONGEST.get(kind, together.LONGEST)
-                room.move(number, kind, gain * np.clip(by, -longest, longest))
+                room.move(number, kind, gain * by)
             is_sure = turn + 1 >= LOOKS
             yield Progress("settle", turn + 1, ROUNDS)
     finally:

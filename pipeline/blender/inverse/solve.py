@@ -35,7 +35,7 @@ from .levels import ANGLES, ENOUGH, Tried, examined, perfected, simplest
 from .paint import paint
 from .room import Room, State
 from .settle import settle
-from .together import LONGEST, Gains, Unknown, derivatives, step, unknowns
+from .together import Gains, Unknown, derivatives, reflections, sizes, step, unknowns
 
 Array = NDArray[np.float64]
 DIFFUSE_SAMPLES = (4, 4, 8, 16)  # of the rounds that begin a search
@@ -47,6 +47,7 @@ LOBES_HELP, NO_HELP = 0.85, 0.95  # of the error of a diffuse group: what leaves
 COARSE = 0.15  # relative error that is left, above which what varies smoothly has a texture: else it may be the light's
 FINE = 0.35  # share of what is left that varies over few pixels, above which what lobes do not help has a texture
 LAST_ROUNDS, LAST_SAMPLES, LAST_DAMPING = 60, 32, 0.03  # of the moves of all groups together that end a search
+LAST_CLOSER = 10  # times the samples of their derivatives, whose noise leads all steps the same wrong way
 CLOSER = 4  # times the samples by which lobes are looked at again
 SETTLE_END = 0.8  # share of the budget after which lobes settle no more
 SETTLED_TURNS = 3  # of their reflectances' steps, as if they had turned so often
@@ -304,7 +305,9 @@ class Search:
         if not wanted:  # all is known, or a texture
             return
         free = [place for place, (_, kind) in enumerate(wanted) if kind in (*COLOURED, POWER)]
-        slopes = yield from retold(derivatives(evidence, wanted), partial(self._step, "derivatives"))
+        closer, enough = (LAST_CLOSER, ENOUGH) if least else (1, 0)
+        measured = yield from retold(derivatives(evidence, wanted, closer), partial(self._step, "derivatives"))
+        there, mirrored = sizes(self.room, wanted), reflections(evidence, wanted, measured)
         best: tuple[float, State, Array] | None = None
         moving = [wanted[place] for place in free]
         gains = Gains(moving, self.turned)
@@ -313,19 +316,20 @@ class Search:
             begun = self._spent()
             if begun + np.median(lasted[-3:] or [0.0]) > end and turn >= least:  # whatever disturbed a single one
                 break
-            residuals = evidence.residuals(samples, ENOUGH if least else 0)
+            residuals = evidence.residuals(samples, enough, mirrored)
             error, noise = evidence.error(residuals)
             if best is not None and error > 2 * best[0] + STEADY * noise:
                 self.room.set(best[1])
                 residuals, damping = best[2], 10 * damping
             elif best is None or error < best[0]:
                 best = error, self.room.state(), residuals
+            slopes = measured * (sizes(self.room, wanted) / there)[:, None, None]
             moves, spread, untold, self.condition = step(evidence, moving, slopes[:, free], residuals, damping)
             if len(free) < len(wanted):
                 _, spread, _, self.condition = step(evidence, wanted, slopes, residuals, damping)
             self.deviations |= {unknown: sd.tolist() for unknown, sd in zip(wanted, spread, strict=True)}
             for place, gain, by in zip(free, gains.of(moves), moves, strict=True):
-                self.room.move(*wanted[place], np.clip(gain * by, -LONGEST, LONGEST))
+                self.room.move(*wanted[place], gain * by)
                 self.deviations[wanted[place]] = (np.sqrt(gain) * spread[place]).tolist()
             self._look(moving, untold)
             self._note(stage, residuals)

@@ -9,19 +9,21 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ...core.condition import condition
-from ...core.inverse import COLOURED, FREE, POWER, STEPS
+from ...core.inverse import COLOURED, FREE, LEAST, MOST, POWER, STEPS
 from ...core.inverse.estimate import newton, normal_equations
 from ...core.inverse.photograph import weights
 from ...core.progress import Progress, Work
-from .evidence import Evidence
+from . import levels
+from .evidence import FEWEST, Evidence
 from .room import Room
 
 Array = NDArray[np.float64]
 Unknown = tuple[int, str]  # a group and a kind of its parameters, or a lamp and POWER
 DERIVATIVE_SAMPLES, UNSEEN_SAMPLES = 2, 8  # a pixel of the whole picture; by what only reflections tell of
-DERIVATIVE_ENOUGH = 6000  # samples on a group's own pixels
+DERIVATIVE_ENOUGH, DERIVATIVE_MOST = 6000, 64  # samples on a group's own pixels, and on one of them
 UNSEEN = 1e-3  # share of the largest derivative below which nothing in the picture tells of a group
-LONGEST = 0.7  # of a step: a factor of two
+TELLING = 0.8  # of what tells of a group: the pixels that hold so much get samples of their own
+LONGEST = 0.7  # of a step of what is no shape of a lobe: a factor of two
 BRIGHT = 0.8  # reflectance
 MOST_CHANGE = 2.0  # of a pixel by the logarithm of a parameter, in radiances about it
 
@@ -58,14 +60,14 @@ def unknowns(room: Room, shapes: bool) -> list[Unknown]:
     return found + [(number, POWER) for number in room.free_lamps]
 
 
-def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
+def derivatives(evidence: Evidence, wanted: Sequence[Unknown], closer: int = 1) -> Work[Array]:
     """Return the change of the picture by every unknown, by two seeds: (2, N, H, W, 3).
 
-    A group's own pixels are rendered with as many samples as they need. What its diffuse reflectance changes elsewhere
-    is what it shines on others where it glows as brightly as it reflects; what its lobe changes elsewhere is left out,
-    which slows the search. Groups that no pixel shows, and lamps, are moved, and the whole picture is rendered: of the
-    groups the median of nine pixels, for all but some pixels of a mirror would be noise, above all fireflies, and what
-    noise in an instrument makes of the photograph's own is the same at every step.
+    A group's own pixels are rendered with as many samples as they need, or so many times closer. What its diffuse
+    reflectance changes elsewhere is what it shines on others where it glows as brightly as it reflects; what its lobe
+    changes elsewhere is left out, which slows the search. Groups that no pixel shows, and lamps, are moved, and the
+    whole picture is rendered: of the groups the median of nine pixels, for all but some pixels of a mirror would be
+    noise, above all fireflies, and what noise in an instrument makes of the photograph's own is the same at every step.
     """
     room = evidence.room
     room.count_bounces()
@@ -93,7 +95,7 @@ def derivatives(evidence: Evidence, wanted: Sequence[Unknown]) -> Work[Array]:
                 found[:, place] = median_filter(found[:, place], size=(1, 3, 3, 1))
     for number, places in lobed.items():
         mask = evidence.masks[number]
-        samples = int(np.clip(DERIVATIVE_ENOUGH / mask.sum(), 1, 64))
+        samples = int(np.clip(closer * DERIVATIVE_ENOUGH / mask.sum(), 1, closer * DERIVATIVE_MOST))
         own = yield from own_derivatives(evidence, [wanted[place] for place in places], samples)
         for place, slopes in zip(places, own.swapaxes(0, 1), strict=True):
             found[:, place, mask] = slopes
@@ -158,12 +160,47 @@ def _telling(evidence: Evidence) -> Array:
     return left if left.any() else evidence.weight
 
 
+def reflections(evidence: Evidence, wanted: Sequence[Unknown], slopes: Array) -> list[NDArray[np.bool_]]:
+    """Return the pixels (H, W) of each group that tell most of what is seen in it alone, by derivatives of all."""
+    found = []
+    for place, (number, kind) in enumerate(wanted):
+        if kind not in COLOURED or evidence.masks[number].any():
+            continue
+        power = np.maximum(slopes[0, place] * slopes[1, place] * evidence.weight, 0.0).sum(axis=-1)
+        falling = np.sort(power, axis=None)[::-1]
+        least = falling[np.searchsorted(np.cumsum(falling), TELLING * falling.sum())]
+        found += [mask & (power >= least) for mask in evidence.masks]
+    return [mask for mask in found if mask.sum() >= FEWEST]
+
+
+def sizes(room: Room, wanted: Sequence[Unknown]) -> Array:
+    """Return what the picture's derivatives by logarithms grow with, (N, 3): reflectances and powers; of shapes, 1."""
+    found = np.ones((len(wanted), 3))
+    for place, (number, kind) in enumerate(wanted):
+        if kind == POWER:
+            found[place] = room.powers[number]
+        elif kind in COLOURED:
+            found[place] = np.maximum(getattr(room.models[number], kind), LEAST)
+    return found
+
+
+def _bounds(room: Room, unknown: Unknown) -> tuple[Array, Array]:
+    """Return the least and the largest step of an unknown: where reflectances end, steps do."""
+    kind = unknown[1]
+    longest = np.full(3 if kind in COLOURED else 1, levels.LONGEST.get(kind, LONGEST))
+    if kind not in COLOURED:
+        return -longest, longest
+    now = sizes(room, [unknown])[0]
+    return np.maximum(-longest, np.log(LEAST / now)), np.minimum(longest, np.log(MOST / now))
+
+
 def step(
     evidence: Evidence, wanted: Sequence[Unknown], slopes: Array, residuals: Array, damping: float
 ) -> tuple[list[Array], list[Array], set[int], float]:
     """Return the step of every unknown, its deviation, the groups that the picture tells nothing of, and the condition.
 
-    Steps and deviations are (3,) of reflectances and (1,) of what all colours share.
+    Steps and deviations are (3,) of reflectances and (1,) of what all colours share. Steps end where reflectances do,
+    and at the longest that derivatives are good for.
     """
     columns, owner = [], []
     for place, (_, kind) in enumerate(wanted):
@@ -177,7 +214,9 @@ def step(
     weight = _telling(evidence).ravel()
     used = weight > 0
     jacobians = np.stack(columns, axis=1)[:, :, used]
-    move, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], weight[used], damping)
+    low, high = (np.concatenate(ends) for ends in zip(*(_bounds(evidence.room, one) for one in wanted), strict=True))
+    bounds = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    move, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], weight[used], damping, bounds=bounds)
     power = (jacobians[0] * jacobians[1] * weight[used]).sum(axis=1)
     parts = [np.array(owner) == place for place in range(len(wanted))]
     shown = {

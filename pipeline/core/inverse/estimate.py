@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
 AGREEING = 0.03  # correlation of two seeds' pictures, above which they are more than noise
 SURE = 2.5  # standard deviations
+SINGULAR = 1e-9  # of the largest eigenvalue of scaled normal equations
 
 
 @dataclass(frozen=True)
@@ -172,8 +174,23 @@ def normal_equations(jacobians: Array, weight: Array) -> Array:
     return np.asarray((normal + normal.T) / 2)
 
 
+def _bounded(normal: Array, right: Array, low: Array, high: Array) -> Array:
+    """Return the solution of normal equations within bounds, by bounded least squares (Stark and Parker 1995)."""
+    size = np.sqrt(np.diag(normal))
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    root = np.sqrt(np.maximum(values, SINGULAR * values.max()))  # two seeds' noise may make one negative
+    ends = low * size, high * size
+    found = lsq_linear(root[:, None] * vectors.T, vectors.T @ (right / size) / root, ends, method="bvls")
+    return np.asarray(found.x / size)
+
+
 def newton(
-    jacobians: Array, residuals: Array, weight: Array, damping: float = 1e-3, same_seeds: bool = False
+    jacobians: Array,
+    residuals: Array,
+    weight: Array,
+    damping: float = 1e-3,
+    same_seeds: bool = False,
+    bounds: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Return a Gauss-Newton step and its standard deviation that render noise causes.
 
@@ -186,6 +203,8 @@ def newton(
     weight : (N,) float64
     damping : float
         Share of the diagonal that is added.
+    bounds : ((U,), (U,)) float64, optional
+        Least and largest steps. What is held at one is no unknown any more: others must not move as if it had gone on.
 
     Returns
     -------
@@ -203,7 +222,10 @@ def newton(
         right = ((first * weight) @ residuals[1] + (second * weight) @ residuals[0]) / 2
     else:
         right = (mean * weight) @ residuals.mean(axis=0)
-    step[told] = np.linalg.solve(normal, right)
+    if bounds is None:
+        step[told] = np.linalg.solve(normal, right)
+    elif told.any():
+        step[told] = _bounded(normal, right, bounds[0][told], bounds[1][told])
     spread = np.linalg.solve(normal, mean * (weight * (residuals[0] - residuals[1]) / 2))
     deviation[told] = np.sqrt((spread**2).sum(axis=1))
     return step, deviation

@@ -111,6 +111,20 @@ def test_a_step_reaches_a_linear_optimum_and_leaves_what_nothing_shows() -> None
     assert step[2] == 0
 
 
+def test_what_is_held_at_its_bound_leaves_the_rest_to_the_others() -> None:
+    rng = np.random.default_rng(4)
+    first = rng.normal(size=400)
+    slopes = np.stack([first, first + 0.3 * rng.normal(size=400), rng.normal(size=400)])  # two that look alike
+    residuals = np.array([-0.5, 0.4, 0.1]) @ slopes
+    ends = np.array([-0.2, -2.0, -2.0]), np.full(3, 2.0)
+    arguments = np.stack([slopes] * 2), np.stack([residuals] * 2), np.ones(400), 0.0
+    step, _ = newton(*arguments, bounds=ends)
+    others = np.linalg.lstsq(slopes[1:].T, residuals + 0.2 * first, rcond=None)[0]
+    assert step == pytest.approx([-0.2, *others], rel=1e-6)
+    clipped = np.clip(newton(*arguments)[0], *ends)
+    assert np.square(residuals - step @ slopes).sum() < 0.2 * np.square(residuals - clipped @ slopes).sum()
+
+
 def test_pictures_are_averaged_exactly() -> None:
     values = np.random.default_rng(2).uniform(size=(7, 5))
     assert averaged(values, 7, 0) == pytest.approx(values)
