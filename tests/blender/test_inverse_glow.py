@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import binary_erosion
 
 from pipeline.blender.inverse import groups, together
-from pipeline.blender.inverse.evidence import Evidence
+from pipeline.blender.inverse.evidence import Evidence, worse
 from pipeline.blender.inverse.room import Room
 from pipeline.blender.inverse.together import derivatives
 from pipeline.core.inverse.photograph import prepared
@@ -124,6 +124,15 @@ def test_where_a_reflection_is_told_more_samples_are_taken(evidence: Evidence) -
     residuals = evidence.residuals(1, 256 * int(found.sum()), [found])
     noise = np.abs(residuals[0] - residuals[1]).mean(axis=-1)
     assert noise[found].mean() < 0.3 * noise[evidence.masks[0] & ~found].mean()
+
+
+def test_what_noise_made_the_least_takes_no_step_back() -> None:
+    rng = np.random.default_rng(6)
+    found = [(float(error), 4e-4) for error in rng.normal(1e-4, 4e-4, 60)]
+    least = min(found)
+    assert least[0] < -4e-4 and not any(worse(one, least) for one in found)
+    assert worse((5e-3, 4e-4), least)
+    assert worse((2.1e-2, 1e-4), (1e-2, 1e-4)) and not worse((1.9e-2, 1e-4), (1e-2, 1e-4))
 
 
 def test_every_window_has_all_its_pixels(evidence: Evidence) -> None:

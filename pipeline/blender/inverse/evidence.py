@@ -143,3 +143,11 @@ class Evidence:
         missing = np.sqrt(self.weight) * residuals
         fine = np.stack([one - smoothed(one, mask, SMOOTH) for one in missing])
         return structured(fine, mask) / max((missing[0] * missing[1])[mask].mean(), 1e-30)
+
+
+def worse(error: tuple[float, float], least: tuple[float, float]) -> bool:
+    """Return whether an error is more than twice the least, for all noise of both; see :meth:`Evidence.error`.
+
+    The least of many is what noise made so, and often negative: all that follow would seem worse.
+    """
+    return error[0] > 2 * max(least[0], 0.0) + STEADY * float(np.hypot(error[1], 2 * least[1]))

@@ -27,7 +27,7 @@ from ...core.inverse.estimate import noiseless_rmse
 from ...core.inverse.photograph import Photograph
 from ...core.inverse.radiosity import corrections
 from ...core.progress import Progress, Work, retold
-from .evidence import STEADY, Evidence
+from .evidence import Evidence, worse
 from .found import Found
 from .groups import place_of
 from .lamps import found_lamps, listed_lamps, start_lamps
@@ -308,7 +308,8 @@ class Search:
         closer, enough = (LAST_CLOSER, ENOUGH) if least else (1, 0)
         measured = yield from retold(derivatives(evidence, wanted, closer), partial(self._step, "derivatives"))
         there, mirrored = sizes(self.room, wanted), reflections(evidence, wanted, measured)
-        best: tuple[float, State, Array] | None = None
+        best: tuple[tuple[float, float], State, Array] | None = None
+        damped = damping
         moving = [wanted[place] for place in free]
         gains = Gains(moving, self.turned)
         lasted: list[float] = []  # of rounds, as shares of the budget
@@ -317,15 +318,17 @@ class Search:
             if begun + np.median(lasted[-3:] or [0.0]) > end and turn >= least:  # whatever disturbed a single one
                 break
             residuals = evidence.residuals(samples, enough, mirrored)
-            error, noise = evidence.error(residuals)
-            if best is not None and error > 2 * best[0] + STEADY * noise:
+            error = evidence.error(residuals)
+            if best is not None and worse(error, best[0]):
                 self.room.set(best[1])
-                residuals, damping = best[2], 10 * damping
-            elif best is None or error < best[0]:
-                best = error, self.room.state(), residuals
+                residuals, damped = best[2], 10 * damped
+            else:
+                damped = max(damping, damped / 10)
+                if best is None or error < best[0]:
+                    best = error, self.room.state(), residuals
             slopes = measured * (sizes(self.room, wanted) / there)[:, None, None]
-            moves, spread, untold, self.condition = step(evidence, moving, slopes[:, free], residuals, damping)
-            if len(free) < len(wanted):
+            moves, spread, untold, self.condition = step(evidence, moving, slopes[:, free], residuals, damped)
+            if len(free) < len(wanted) or damped > damping:  # what holds steps back makes nothing surer
                 _, spread, _, self.condition = step(evidence, wanted, slopes, residuals, damping)
             self.deviations |= {unknown: sd.tolist() for unknown, sd in zip(wanted, spread, strict=True)}
             for place, gain, by in zip(free, gains.of(moves), moves, strict=True):
@@ -337,11 +340,9 @@ class Search:
             lasted.append(self._spent() - begun)
             if min(n.min() for n in gains.turns) >= 2 and self.uncertainty() < self.settings.target / 100:
                 break
-        if best is not None:  # the last step, too, is taken back where it leads away
-            error, noise = evidence.error(evidence.residuals(samples))
-            if error > 2 * best[0] + STEADY * noise:
-                self.room.set(best[1])
-                self._keep()
+        if best is not None and worse(evidence.error(evidence.residuals(samples)), best[0]):  # the last step, too
+            self.room.set(best[1])
+            self._keep()
         if self.room.free_lamps:
             for number, model in enumerate(self.room.models):
                 if model.level == "texture":  # under the light as it is now
