@@ -275,9 +275,9 @@ def _render_all(
     pending = deque(i for i, name in enumerate(started.files) if not done[name])
     processes = _processes(processes, len(pending))
     threads = max(1, _processor_cores() // processes)
-    words = ["capture-worker", source, str(started.folder), "--threads", str(threads)]
-    words += ["--device", "gpu" if devices.chosen().is_gpu else "cpu"]
-    with workers.Pool(processes - 1, words, pending) as pool:
+    device = "gpu" if devices.chosen().is_gpu else "cpu"
+    words = ["capture-worker", source, str(started.folder), "--device", device]
+    with workers.Pool(processes - 1, words, pending, threads) as pool:
         own = olat.render_lights(scene, started, workers.taken(pending), threads)
         with contextlib.closing(own):
             for light in own:

@@ -1,5 +1,5 @@
-"""Processes that render pictures of a capture side by side: each is told the index of a light at a time, and answers
-``picture INDEX SHA256`` when it is on disk."""
+"""Processes that render pictures of a capture side by side: each is told indices of lights, and answers
+``picture INDEX SHA256`` when one is on disk."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ ROOT = Path(__file__).resolve().parents[2]
 EXTENSION = __package__.removesuffix(".pipeline.blender")
 
 
-def command_line(*words: str) -> tuple[list[str], dict[str, str]]:
+def command_line(*words: str, threads: int = 0) -> tuple[list[str], dict[str, str]]:
     """Return the command and environment that run ``lightsphere WORDS`` in a process with bpy of its own.
 
-    In a Blender executable that is Blender in the background, with bpy as a module this Python.
+    In a Blender executable that is Blender in the background, of so many threads or (0) of one for every core, with bpy
+    as a module this Python, which has yet to see to its threads: see :func:`bound_to_few_cores`.
     """
     environment = dict(os.environ)
     if bpy.app.binary_path:
         enabled = ["--addons", EXTENSION]  # preferences that say so may not be saved yet
-        return [bpy.app.binary_path, "--background", *enabled, "--command", "lightsphere", *words], environment
+        few = ["--threads", str(threads)] if threads else []
+        return [bpy.app.binary_path, "--background", *few, *enabled, "--command", "lightsphere", *words], environment
     blender = bpy.utils.resource_path("LOCAL")  # the module puts its own folders on the path, in its own order
     paths = [path for path in sys.path if path and not path.startswith(blender)]
     environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), *paths])
@@ -57,14 +59,16 @@ class Pool:
         The command that each runs, see :func:`command_line`.
     pending : deque of int
         Lights still to be rendered; the caller may take from it, too.
+    threads : int
+        Of each, see :func:`command_line`.
     """
 
-    def __init__(self, count: int, words: list[str], pending: deque[int]) -> None:
+    def __init__(self, count: int, words: list[str], pending: deque[int], threads: int = 1) -> None:
         self._pending = pending
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._workers: list[Worker] = []
         self._threads: list[threading.Thread] = []
-        self._start(count, words)
+        self._start(count, words, threads)
 
     def __enter__(self) -> Pool:
         return self
@@ -93,8 +97,8 @@ class Pool:
         light, checksum = next_answer(self._answers)
         return light, checksum
 
-    def _start(self, count: int, words: list[str]) -> None:
-        arguments, environment = command_line(*words)
+    def _start(self, count: int, words: list[str], threads: int) -> None:
+        arguments, environment = command_line(*words, "--threads", str(threads), threads=threads)
         for _ in range(count):
             worker = Worker(arguments, environment)
             thread = threading.Thread(target=self._feed, args=(worker,), daemon=True)
@@ -103,18 +107,27 @@ class Pool:
             thread.start()
 
     def _feed(self, worker: Worker) -> None:
-        """Once a worker is ready, give it a light at a time until none is left or it fails; pass its answers on."""
+        """Once a worker is ready, give it one light after another until none is left; pass its answers on."""
         try:
             worker.wait_until_ready()
+            told = 0
             for light in taken(self._pending):
-                number, checksum = worker.ask(light, "picture").split()
-                self._answers.put((int(number), checksum))
+                worker.tell(light)
+                told += 1
+                if told > 1:  # one waits at the worker, so that it never does
+                    self._pass_on(worker)
+            if told:
+                self._pass_on(worker)
         except LightsphereError as error:
             self._answers.put(error)
         except Died as death:
             self._answers.put(_cause_of(death))
         finally:
             worker.close()
+
+    def _pass_on(self, worker: Worker) -> None:
+        number, checksum = worker.answer("picture").split()
+        self._answers.put((int(number), checksum))
 
 
 def _cause_of(death: Died) -> Exception:

@@ -11,6 +11,7 @@ import typer
 from ..core.capture_settings import CaptureSettings
 from ..core.errors import LightsphereError
 from ..core.tradeoff.goal import Goal, told
+from ..core.workers import bound_to_few_cores
 from .device import Device, render_on
 from .stage import Budget, DryRun, Figures, JsonFile, Target, run_with_bar, settings_options
 
@@ -77,8 +78,9 @@ def capture_worker(
     device: Device = "cpu",
 ) -> None:
     """Render the pictures whose numbers arrive on standard input; answer each with its checksum."""
-    from ..blender import olat
-    from ..blender import scene as scenes
+    with bound_to_few_cores(threads):
+        from ..blender import olat
+        from ..blender import scene as scenes
     from ..core import images
     from ..core.capture import Capture
 

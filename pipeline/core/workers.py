@@ -8,10 +8,12 @@ are Blender's and are passed over. It ends with its input, so that none outlives
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from .errors import LightsphereError
@@ -37,6 +39,27 @@ def next_answer(answers: queue.SimpleQueue[Any]) -> Any:
         if isinstance(answer, Exception):
             raise answer
         return answer
+
+
+@contextlib.contextmanager
+def bound_to_few_cores(threads: int) -> Iterator[None]:
+    """Bind this process for a while to as many cores as it has threads, where the system can.
+
+    A library that is loaded then makes no more threads, as Blender's does: one for every core that it may use (oneTBB),
+    which look for work in vain and take the cores from the processes beside.
+    """
+    if not hasattr(os, "sched_setaffinity"):  # not Linux
+        yield
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    first = os.getpid() % len(cores)  # not all processes on the same ones
+    os.sched_setaffinity(0, (cores + cores)[first : first + min(threads, len(cores))])
+    try:
+        yield
+    finally:
+        for thread in Path("/proc/self/task").iterdir():  # those that were made meanwhile, too
+            with contextlib.suppress(ProcessLookupError):  # it has ended
+                os.sched_setaffinity(int(thread.name), cores)
 
 
 class Worker:
@@ -82,24 +105,31 @@ class Worker:
         Died
             When it ended instead.
         """
+        self.tell(task)
+        return self.answer(expected)
+
+    def tell(self, task: object) -> None:
+        """Give the worker a task, which it begins after those that it has; raises what :meth:`ask` does."""
         assert self._process.stdin is not None
         self.wait_until_ready()
         try:
             self._process.stdin.write(f"{task}\n")
             self._process.stdin.flush()
+        except (OSError, ValueError) as error:
+            raise self._death() from error
+
+    def answer(self, expected: str) -> str:
+        """Return the answer to the first task that has none yet; raises what :meth:`ask` does."""
+        try:
             return self._answer(expected)
         except (OSError, EOFError, ValueError) as error:
             raise self._death() from error
 
     def wait_until_ready(self) -> None:
         """Wait until the process can work; raises what :meth:`ask` does."""
-        if self._ready:
-            return
-        try:
-            self._answer("ready")
-        except (OSError, EOFError, ValueError) as error:
-            raise self._death() from error
-        self._ready = True
+        if not self._ready:
+            self.answer("ready")
+            self._ready = True
 
     def close(self) -> None:
         """Let the process end, and wait for it."""

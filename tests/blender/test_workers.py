@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import subprocess
+import sys
 from collections import deque
 from pathlib import Path
 
@@ -65,3 +68,28 @@ def test_worker_that_nobody_needs_is_ended() -> None:
         workers_of_it = pool._workers
         assert list(pool.finished()) == []
     assert all(worker.has_ended for worker in workers_of_it)
+
+
+COUNTED = """
+import contextlib, os, sys
+from pathlib import Path
+from pipeline.core.workers import bound_to_few_cores
+cores = os.sched_getaffinity(0)
+with bound_to_few_cores(1) if sys.argv[1] == "few" else contextlib.nullcontext():
+    from pipeline.blender import olat, scene
+    from pipeline.core.capture import Capture
+assert os.sched_getaffinity(0) == cores
+for _ in olat.render_lights(scene.load("steps"), Capture.open(Path(sys.argv[2])), [0, 1], 1):
+    pass
+print("threads", len(os.listdir("/proc/self/task")))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or (os.cpu_count() or 1) < 2, reason="needs cores to bind to")
+def test_a_process_loaded_on_one_core_has_fewer_threads(captured: Capture) -> None:
+    def threads(which: str) -> int:
+        words = [sys.executable, "-c", COUNTED, which, str(captured.folder)]
+        printed = subprocess.run(words, capture_output=True, text=True, check=True, cwd=workers.ROOT).stdout
+        return int(printed.rsplit("threads", 1)[1])
+
+    assert threads("few") < threads("many")

@@ -58,8 +58,8 @@ def simplest(tried: list[Tried]) -> Tried:
     """Return the simplest model that explains a group as well as any, of those that surely do so as well as diffuse.
 
     The sharp picture of a small lamp is so noisy that its error may be anything: what may be far worse than the best is
-    not chosen. A perfect mirror is not among them: as
-    long as its surroundings are wrong it may fit by chance, and nothing would move it any more.
+    not chosen. A perfect mirror is not among them: as long as its surroundings are wrong it may fit by chance, and
+    nothing would move it any more.
     """
     told = [one for one in tried if FREE[one.model.level] and one.fit.surely_below <= tried[0].fit.surely_below]
     best = min((one.fit for one in told), key=lambda fit: fit.surely_below)

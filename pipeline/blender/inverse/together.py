@@ -169,7 +169,7 @@ def reflections(evidence: Evidence, wanted: Sequence[Unknown], slopes: Array) ->
         power = np.maximum(slopes[0, place] * slopes[1, place] * evidence.weight, 0.0).sum(axis=-1)
         falling = np.sort(power, axis=None)[::-1]
         least = falling[np.searchsorted(np.cumsum(falling), TELLING * falling.sum())]
-        found += [mask & (power >= least) for mask in evidence.masks]
+        found += [mask & (power >= least) & (power > 0) for mask in evidence.masks]
     return [mask for mask in found if mask.sum() >= FEWEST]
 
 
