@@ -63,7 +63,8 @@ def export(blend: Path, gltf: Path | None, usd: Path | None) -> None:
         bpy.ops.export_scene.gltf(filepath=str(partial.resolve()), export_format="GLB", use_selection=True)
         partial.replace(gltf)
     if usd is not None:
-        partial = _partial(usd)
+        # an archive's layer is named after its file, and Blender makes it elsewhere and moves it when it is whole
+        partial = usd if usd.suffix == ".usdz" else _partial(usd)
         bpy.ops.wm.usd_export(
             filepath=str(partial.resolve()),
             selected_objects_only=True,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -140,6 +141,14 @@ def test_usd_holds_a_materialx_network_whose_textures_are_there(made: dict[str, 
     written = (folder / "thing.usda").read_text()
     assert str(made["folder"]) not in written and ".part" not in written
     assert [path for path in made["folder"].rglob("*") if ".part" in path.name] == []
+
+
+def test_a_usd_archive_holds_a_layer_of_its_name_and_the_textures(made: dict[str, Any], tmp_path: Path) -> None:
+    exports.run(made["folder"] / "asset.blend", None, tmp_path / "thing.usdz")
+    with zipfile.ZipFile(tmp_path / "thing.usdz") as archive:
+        names = archive.namelist()
+    assert names[0] == "thing.usdc" and any(name.endswith((".png", ".exr")) for name in names)
+    assert [path.name for path in tmp_path.iterdir()] == ["thing.usdz"]
 
 
 def test_plain_textures_hold_what_was_fitted(made: dict[str, Any]) -> None:

@@ -214,8 +214,8 @@ def step(
     weight = _telling(evidence).ravel()
     used = weight > 0
     jacobians = np.stack(columns, axis=1)[:, :, used]
-    low, high = (np.concatenate(ends) for ends in zip(*(_bounds(evidence.room, one) for one in wanted), strict=True))
-    bounds = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    ends = zip(*(_bounds(evidence.room, one) for one in wanted), strict=True)
+    bounds = tuple(np.concatenate(one) for one in ends)
     move, deviation = newton(jacobians, residuals.reshape(2, -1)[:, used], weight[used], damping, bounds=bounds)
     power = (jacobians[0] * jacobians[1] * weight[used]).sum(axis=1)
     parts = [np.array(owner) == place for place in range(len(wanted))]
