@@ -23,7 +23,7 @@ from ..core.dataset.recipe import template as recipe_template
 from ..core.dataset.run import Forecast, Hire, Made, forecast, make
 from ..core.errors import LightsphereError
 from ..core.progress import Progress, Work
-from ..core.workers import Died, Worker
+from ..core.workers import Died, Worker, bound_to_few_cores
 from .device import Device, render_on
 from .stage import Figures, JsonFile, run_with_bar
 
@@ -98,8 +98,8 @@ def dataset_worker(
     device: Device = "cpu",
 ) -> None:
     """Make the samples whose numbers arrive on standard input; say when each is done."""
-    from ..blender.dataset import sample
-
+    with bound_to_few_cores(threads):
+        from ..blender.dataset import sample
     render_on(device)
     recipe = files.recipe_of(folder)
     print("ready", flush=True)
@@ -148,7 +148,7 @@ def worker(folder: Path, threads: int, device: str) -> Worker:
     from ..blender.workers import command_line
 
     words = ("dataset-worker", str(folder), "--threads", str(threads), "--device", device)
-    arguments, environment = command_line(*words)
+    arguments, environment = command_line(*words, threads=threads)
     return Worker(arguments, environment | dict.fromkeys(NUMPY_THREADS, str(threads)))
 
 

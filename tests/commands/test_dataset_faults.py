@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import random
+import resource
 import shutil
 import signal
 import socket
@@ -28,6 +30,21 @@ count = 2
 [render]
 samples = 2
 """
+SHAPES = """
+[shape]
+source = ["gourd", "drawn.blend"]
+"""
+# Of a cube: more faces than Blender can count, and more than the memory that a run is given can hold.
+TOO_FINE = """
+import bpy, sys
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.mesh.primitive_cube_add()
+for levels in map(int, sys.argv[2:]):
+    finer = bpy.context.object.modifiers.new("Finer", "SUBSURF")
+    finer.levels = finer.render_levels = levels
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1], compress=False)
+"""
+MEMORY = 2**31  # bytes
 KILLS = 50
 LINUX = sys.platform.startswith("linux")
 
@@ -55,9 +72,9 @@ def finished(folder: Path) -> int:
     return len(list((folder / dataset.FINISHED).glob("*.sha256")))
 
 
-def written(folder: Path, count: int) -> Path:
+def written(folder: Path, count: int, more: str = "") -> Path:
     path = folder / f"recipe {count}.toml"
-    path.write_text(RECIPE.format(count=count))
+    path.write_text(RECIPE.format(count=count) + more)
     return path
 
 
@@ -128,6 +145,36 @@ def test_a_full_disk_ends_the_run_and_space_completes_it(small_disk: Path, tmp_p
     assert contents(full) == contents(calm)
 
 
+@pytest.mark.parametrize(
+    ("levels", "memory", "words"),
+    [((5, 11), None, "ended by signal 11 each of 3 times"), ((9,), MEMORY, "ended with status 1 each of 3 times")],
+    ids=["crash", "memory"],
+)
+def test_a_scene_that_fells_blender_is_listed_and_the_rest_is_made(
+    levels: tuple[int, ...], memory: int | None, words: str, tmp_path: Path
+) -> None:
+    recipe, scene = written(tmp_path, 8, SHAPES), tmp_path / "drawn.blend"
+    calm, disturbed = tmp_path / "calm", tmp_path / "disturbed"
+
+    def draw_scene(*levels: int) -> None:
+        subprocess.run([sys.executable, "-c", TOO_FINE, scene, *map(str, levels)], check=True)
+
+    def bound() -> None:
+        if memory is not None:
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+
+    draw_scene(*levels)
+    run = subprocess.run(command(recipe, "-o", disturbed), capture_output=True, text=True, preexec_fn=bound)
+    missing = json.loads((disturbed / dataset.MISSING).read_text())
+    assert run.returncode == 2 and "missing" in run.stderr
+    assert 0 < len(missing) < 8 and finished(disturbed) == 8 - len(missing)
+    assert all(words in why for why in missing.values())
+    draw_scene(1)
+    subprocess.run(command("--resume", "-o", disturbed), check=True)
+    subprocess.run(command(recipe, "-o", calm), check=True)
+    assert contents(disturbed) == contents(calm)
+
+
 class Dask:
     """A scheduler and workers of Dask, each in a process of its own."""
 
@@ -190,6 +237,22 @@ def test_a_cluster_that_loses_workers_and_its_scheduler_makes_the_same(dask: Das
     wait_for(14)
     dask.restart()
     assert run.wait(300) == 0
+    assert contents(disturbed) == contents(calm)
+
+
+def test_a_local_cluster_replaces_a_lost_worker(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    recipe = written(tmp_path, 12)
+    calm, disturbed = tmp_path / "calm", tmp_path / "disturbed"
+    subprocess.run(command(recipe, "-o", calm), check=True)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        run = subprocess.Popen(command(recipe, "-o", disturbed, "--scheduler", cluster.scheduler_address))
+        while finished(disturbed) < 3 and run.poll() is None:
+            time.sleep(0.05)
+        lost = cluster.workers[0].pid
+        os.kill(lost, signal.SIGKILL)
+        assert run.wait(300) == 0
+        assert cluster.workers[0].pid != lost
     assert contents(disturbed) == contents(calm)
 
 

@@ -27,8 +27,8 @@ from .. import images
 from ..errors import LightsphereError
 from ..journal import Journal
 from ..progress import Progress, Work
-from .draw import Sample, sample_name
-from .recipe import Recipe
+from .draw import Sample, draw, sample_name
+from .recipe import FILES, Recipe
 
 FORMAT, VERSION = "lightsphere-dataset", 1
 RECIPE, MANIFEST, MISSING, FINISHED = "recipe.json", "samples.jsonl", "missing.json", "finished"
@@ -40,6 +40,8 @@ AT_ONCE = 64  # samples that are checked between two reports
 
 def begin(folder: Path, recipe: Recipe, made_by: dict[str, str]) -> None:
     """Write down what a dataset is to be, or go on with the one that is there.
+
+    Files that it is made of may have changed (a mesh was mended) where no sample that is there was made of them.
 
     Parameters
     ----------
@@ -57,7 +59,10 @@ def begin(folder: Path, recipe: Recipe, made_by: dict[str, str]) -> None:
     described = {"format": FORMAT, "version": VERSION, "identity": identity, "recipe": recipe.as_json()}
     if (folder / RECIPE).is_file():
         before = _json(folder / RECIPE).get("identity")
-        if other := [key for key in identity if not isinstance(before, dict) or before.get(key) != identity[key]]:
+        if not isinstance(before, dict):
+            raise LightsphereError(f"{folder / RECIPE} is damaged; choose another folder")
+        other = [key for key in identity if before.get(key) != identity[key]]
+        if other and (_without_checksums(before) != _without_checksums(identity) or _uses_changed(folder, recipe, before, identity)):
             raise LightsphereError(f"{folder} holds a dataset with another {', '.join(other)}; choose another folder")
     (folder / FINISHED).mkdir(parents=True, exist_ok=True)
     images.write_text(folder / RECIPE, json.dumps(described, indent=1))
@@ -212,6 +217,27 @@ def files_of(folder: Path, index: int) -> Iterator[tuple[str, Path]]:
     """Yield name and path of the files of a finished sample."""
     for name in Journal(finished_list(folder, index)).read():
         yield name, folder / name
+
+
+def _without_checksums(identity: dict[str, Any]) -> dict[str, Any]:
+    """Return what samples depend on, files by their names alone."""
+    return identity | {
+        section: identity[section] | {"source": [_name(word) for word in identity[section]["source"]]}
+        for section in FILES
+        if isinstance(identity.get(section), dict) and isinstance(identity[section].get("source"), list)
+    }
+
+
+def _name(word: object) -> str:
+    """Return the name of a file, of which its checksum is said, too; another word as it is."""
+    return str(word).rpartition(" ")[0] or str(word)
+
+
+def _uses_changed(folder: Path, recipe: Recipe, before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Return whether a sample that is there was made of a file that has changed since."""
+    changed = {_name(word) for part in FILES for word in now[part]["source"] if word not in before[part]["source"]}
+    there = (draw(recipe, index) for index in range(recipe.count) if finished_list(folder, index).is_file())
+    return any(Path(getattr(sample, part)).name in changed for sample in there for part in FILES)
 
 
 def _lock(file: int) -> None:

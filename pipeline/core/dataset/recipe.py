@@ -17,6 +17,7 @@ SPLITS = ("train", "validation", "test")
 SHAPES = ("blob", "vase", "superquadric")  # made by code
 MESHES = (".ply", ".obj", ".gltf", ".glb", ".usd", ".usda", ".usdc", ".usdz")
 OWN, PRINCIPLED = "own", "principled"
+FILES = ("shape", "material")  # the tables whose sources may be files
 CAPTURE, SHARDS = "capture", "webdataset"
 FORMATS = (CAPTURE, "diligent", "near", "hdf5", SHARDS)
 
@@ -219,7 +220,7 @@ class Recipe:
     def identity(self) -> dict[str, Any]:
         """Return what the samples depend on, files by their names and content: equal in every folder and machine."""
         value = self.as_json()
-        for section in ("shape", "material"):
+        for section in FILES:
             value[section]["source"] = [
                 f"{Path(word).name} {images.checksum(Path(word))}" if Path(word).is_file() else word
                 for word in value[section]["source"]

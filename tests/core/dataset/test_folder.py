@@ -135,6 +135,24 @@ def test_another_recipe_in_the_same_folder_is_refused(made: Path) -> None:
         dataset.begin(made, RECIPE, {"blender": "4.5"})
 
 
+def test_a_file_may_be_mended_until_a_sample_is_made_of_it(tmp_path: Path) -> None:
+    place, meshes = tmp_path / "made", [tmp_path / "bad.ply", tmp_path / "good.ply"]
+    for mesh in meshes:
+        mesh.write_text("first")
+    recipe = Recipe.of({"count": 12, "shape": {"source": [str(mesh) for mesh in meshes]}})
+    dataset.begin(place, recipe, {})
+    for index in range(12):
+        if draw(recipe, index).shape == str(meshes[1]):
+            commit(place, index)
+    meshes[0].write_text("mended")
+    dataset.begin(place, recipe, {})
+    identity = json.loads((place / dataset.RECIPE).read_text())["identity"]
+    assert identity == json.loads(json.dumps(recipe.identity() | {"made_by": {}}))
+    meshes[1].write_text("mended")
+    with pytest.raises(LightsphereError, match="another shape"):
+        dataset.begin(place, recipe, {})
+
+
 def test_missing_samples_are_listed_until_they_are_there(made: Path) -> None:
     dataset.write_manifest(made, [*SAMPLES[:3], SAMPLES[4]], {3: "its mesh is broken"})
     assert json.loads((made / dataset.MISSING).read_text()) == {"00000003": "its mesh is broken"}
