@@ -10,9 +10,8 @@ import typer
 from typer.exceptions import TyperException
 
 from .commands import registry
-from .core.errors import LightsphereError
+from .core.errors import INPUT_AT_FAULT, LightsphereError
 
-INPUT_AT_FAULT = 2
 INTERRUPTED = 130
 
 app = typer.Typer(

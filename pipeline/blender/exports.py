@@ -53,7 +53,7 @@ def run(blend: Path, gltf: Path | None, usd: Path | None) -> None:
 
 def export(blend: Path, gltf: Path | None, usd: Path | None) -> None:
     """Open an asset and export its recovered objects with their Principled materials."""
-    bpy.ops.wm.open_mainfile(filepath=str(blend.resolve()))
+    bpy.ops.wm.open_mainfile(filepath=str(blend.resolve()), load_ui=False, use_scripts=False)
     shown = _dressed(bpy.context.view_layer)
     if not shown:
         raise LightsphereError(f"{blend} holds no Principled material; write it with --principled")

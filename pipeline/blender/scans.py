@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,14 @@ from numpy.typing import NDArray
 from ..core import images
 from ..core.camera import Camera
 from ..core.capture import Capture
-from ..core.errors import LightsphereError
+from ..core.errors import INPUT_AT_FAULT, LightsphereError
 from ..core.shape import Shape
 from ..core.shape.scan import Scan, seen
+from . import workers
 from .output import caught_output
 from .unwrap import PROJECTED, unwrap
 
+COMMAND = "mesh-worker"
 IMPORTERS: dict[str, Callable[..., Any]] = {
     ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
     ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
@@ -57,18 +60,8 @@ def load(path: Path, unit: float) -> list[bpy.types.Object]:
     LightsphereError
         When the file is missing, of an unknown kind, damaged, or without faces.
     """
-    importer = IMPORTERS.get(path.suffix.lower())
-    if importer is None:
-        raise LightsphereError(f"{path} is no mesh that can be read; give one of {', '.join(IMPORTERS)}")
-    if not path.is_file():
-        raise LightsphereError(f"{path} does not exist; give the file of a mesh")
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bring(path)
     scene = bpy.context.scene
-    try:
-        with caught_output():
-            importer(str(path.resolve()))
-    except (RuntimeError, ValueError) as error:
-        raise LightsphereError(f"{path} cannot be read ({' '.join(str(error).split())}); export it again") from error
     for item in list(scene.objects):
         if item.type not in KEPT:
             bpy.data.objects.remove(item)
@@ -87,16 +80,44 @@ def load(path: Path, unit: float) -> list[bpy.types.Object]:
     return meshes
 
 
+def bring(path: Path) -> None:
+    """Let Blender's importer read a file into an empty scene; raise LightsphereError where it cannot be read."""
+    importer = IMPORTERS.get(path.suffix.lower())
+    if importer is None:
+        raise LightsphereError(f"{path} is no mesh that can be read; give one of {', '.join(IMPORTERS)}")
+    if not path.is_file():
+        raise LightsphereError(f"{path} does not exist; give the file of a mesh")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    try:
+        with caught_output():
+            importer(str(path.resolve()))
+    except (RuntimeError, ValueError) as error:
+        raise LightsphereError(f"{path} cannot be read ({' '.join(str(error).split())}); export it again") from error
+
+
 def shape_of(capture: Capture, path: Path, unit: float) -> Shape:
     """Return the shape that a capture's camera sees of a mesh file; see :func:`load` and :func:`seen` for errors.
 
-    Its notes name the method, the unit, the file's checksum and the objects that had no UVs.
+    Its notes name the method, the unit, the file's checksum and the objects that had no UVs. The file is read in a
+    process of its own first, for Blender's importers end theirs over some damaged files.
     """
+    _bring_apart(path)
     items = load(path, unit)
     scan = scan_of(items)
     shape = seen(capture, scan, Caster(scan).first(capture.camera))
     shape.notes.update(method="mesh", mesh_unit=unit, mesh_sha256=images.checksum(path), projected=without_uvs(items))
     return shape
+
+
+def _bring_apart(path: Path) -> None:
+    """Raise LightsphereError where Blender's importer does not survive a file; what it refuses, :func:`load` says."""
+    command, environment = workers.command_line(COMMAND, str(path))
+    done = subprocess.run(command, env=environment, capture_output=True, check=False)
+    if done.returncode not in (0, INPUT_AT_FAULT):
+        raise LightsphereError(
+            f"{path} cannot be read (Blender's importer ended with status {done.returncode}); it is damaged, or too "
+            "large for this machine's memory: export it again, or a coarser one"
+        )
 
 
 def without_uvs(items: list[bpy.types.Object]) -> list[str]:

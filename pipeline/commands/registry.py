@@ -17,7 +17,7 @@ from .profile import profile
 from .reflectance import reflectance
 from .relight import relight, relight_worker
 from .scenes import scenes
-from .shape import shape
+from .shape import mesh_worker, shape
 from .tradeoff import tradeoff
 
 
@@ -30,6 +30,7 @@ def add_commands(app: typer.Typer) -> None:
     app.command("capture-worker", hidden=True)(capture_worker)
     app.command("import")(import_photographs)
     app.command()(shape)
+    app.command("mesh-worker", hidden=True)(mesh_worker)
     app.command()(profile)
     app.command()(reflectance)
     app.command()(material)

@@ -172,6 +172,13 @@ def _forget_reflectance(shape: Path) -> None:
         shutil.rmtree(folder)
 
 
+def mesh_worker(mesh: Annotated[Path, typer.Argument(help="the file")]) -> None:
+    """Read a mesh where its importer may die."""
+    from ..blender.scans import bring
+
+    bring(mesh)
+
+
 def _proxy(capture: Capture, settings: ShapeSettings, unit: float) -> Shape | None:
     """Return what the camera sees of the rough mesh, if there is one."""
     if not settings.proxy:

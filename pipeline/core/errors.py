@@ -6,6 +6,8 @@ import tokenize
 import zipfile
 import zlib
 
+#: The exit status of a command whose input is at fault.
+INPUT_AT_FAULT = 2
 #: What numpy raises for an .npz that is damaged, wherever the damage is.
 BROKEN_NPZ: tuple[type[Exception], ...] = (
     *(OSError, ValueError, EOFError, KeyError, TypeError, RuntimeError, OverflowError, SyntaxError),

@@ -192,6 +192,16 @@ def test_what_is_no_mesh_is_refused_in_one_line(folder: Path, capsys: pytest.Cap
         assert out == "" and err.count("\n") == 1 and said in err, err
 
 
+def test_a_mesh_that_fells_the_importer_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its header counts more vertices than any memory holds."""
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {2**31 - 1}\n{axes}"
+    lists = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (folder / "endless.ply").write_text(head + lists)
+    assert shaped(folder, "endless.ply") == 2
+    assert "endless.ply cannot be read" in capsys.readouterr().err
+
+
 def test_hidden_points_are_told_from_seen_ones() -> None:
     painted().view_layers[0].update()
     scan = scans.scan_of([bpy.context.scene.objects["Painted"]])

@@ -62,7 +62,8 @@ def begin(folder: Path, recipe: Recipe, made_by: dict[str, str]) -> None:
         if not isinstance(before, dict):
             raise LightsphereError(f"{folder / RECIPE} is damaged; choose another folder")
         other = [key for key in identity if before.get(key) != identity[key]]
-        if other and (_without_checksums(before) != _without_checksums(identity) or _uses_changed(folder, recipe, before, identity)):
+        mended = _without_checksums(before) == _without_checksums(identity)
+        if other and not (mended and _are_unused(folder, recipe, before, identity)):
             raise LightsphereError(f"{folder} holds a dataset with another {', '.join(other)}; choose another folder")
     (folder / FINISHED).mkdir(parents=True, exist_ok=True)
     images.write_text(folder / RECIPE, json.dumps(described, indent=1))
@@ -233,11 +234,11 @@ def _name(word: object) -> str:
     return str(word).rpartition(" ")[0] or str(word)
 
 
-def _uses_changed(folder: Path, recipe: Recipe, before: dict[str, Any], now: dict[str, Any]) -> bool:
-    """Return whether a sample that is there was made of a file that has changed since."""
+def _are_unused(folder: Path, recipe: Recipe, before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Return whether no sample that is there was made of a file that has changed since."""
     changed = {_name(word) for part in FILES for word in now[part]["source"] if word not in before[part]["source"]}
     there = (draw(recipe, index) for index in range(recipe.count) if finished_list(folder, index).is_file())
-    return any(Path(getattr(sample, part)).name in changed for sample in there for part in FILES)
+    return not any(Path(getattr(sample, part)).name in changed for sample in there for part in FILES)
 
 
 def _lock(file: int) -> None:
