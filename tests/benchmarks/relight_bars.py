@@ -198,6 +198,7 @@ def repeated(prepared: Expected, times: int) -> Expected:
         kinds=tile(prepared.kinds),
         around=around,
         reach=np.tile(prepared.reach, tiles),
+        space=dataclasses.replace(prepared.space, points=tile(prepared.space.points), ahead=tile(prepared.space.ahead)),
     )
 
 

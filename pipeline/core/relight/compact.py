@@ -25,8 +25,9 @@ from ..errors import BROKEN_JSON, LightsphereError
 from ..lights import Lights
 from ..progress import Progress, Work
 from ..shape import Shape
-from . import interpolant, lobes, remainder
-from .stack import FLOOR, Expected, arrange, expect, neighbourhood, placed, reach, surface, unread, usable
+from . import lobes, remainder
+from .occlusion import AWAY, LIT, SHADOWED
+from .stack import FLOOR, Expected, arrange, expect, expected, placed, surface, unread, usable
 
 FORMAT = "lightsphere-relightable"
 VERSION = 1
@@ -76,11 +77,11 @@ class CompactCapture(Capture):
             model, lit = coded.expected(number)
             y = coded.value(number)
             stack.values[:, light] = np.where(lit, y / (model + floor), y)
-            facing = np.where(model.any(axis=1), interpolant.SHADOWED, interpolant.AWAY)
-            kinds[:, light] = np.where(lit[:, 0], interpolant.LIT, facing)
+            facing = np.where(model.any(axis=1), SHADOWED, AWAY)
+            kinds[:, light] = np.where(lit[:, 0], LIT, facing)
             yield Progress("read", light + 1, len(self), "pictures")
         weights = np.concatenate([coded.weights, np.repeat(floor[:, None], 3, axis=2)], axis=1)
-        return Expected(stack, weights, kinds, *neighbourhood(stack), reach(stack, self.camera))
+        return (yield from expected(stack, weights, kinds, self.camera))
 
     def truth(self) -> None:
         """Return None: no truth is kept."""
@@ -312,7 +313,7 @@ def _quantised(expected: Expected, finest: int) -> Arrays:
         "weights": np.ascontiguousarray(steps.transpose(1, 2, 0)),
         "top": top / np.float32(finest**2),
         "octave": np.clip(np.round(octave), -128, 127).astype(np.int8),
-        "lit": np.packbits((expected.kinds == interpolant.LIT).T, axis=1),
+        "lit": np.packbits((expected.kinds == LIT).T, axis=1),
     }
 
 

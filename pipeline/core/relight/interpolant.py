@@ -7,8 +7,9 @@ shadow with, and both together where the edge of the shadow runs::
     y(u) = V(u) M(u) sum w_i (y_i / M_i) + (1 - V(u)) sum w_i y_i,    w = (1 - r / R)^2 / r^2
 
 V is the step at 1/2, SHARPNESS times as steep, of a local linear regression of lit (1) and shadowed (0) lights, on
-the direction and the place in the picture together: the edge of a shadow is a line that moves with both. Lights that
-the surface faces away from take no part in it.
+the direction and the place in the picture together: the edge of a shadow is a line that moves with both. It leans to
+what :mod:`.occlusion` knows of the line to the new light, as far as that explains the shadows nearby. Lights that the
+surface faces away from take no part in it.
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ from ..compiled import kernel, parallel_kernel
 from ..shape.lobe import tangents
 from ..shape.source import hit
 from .lobes import COLUMNS, columns, direction
+from .occlusion import AWAY, LIT, SHADOWED, opacity
 
-AWAY, SHADOWED, LIT = 0, 1, 2
 NEAREST = 12  # directions
 SHARPNESS = 4.0
 RING = 2  # pixels about one that say where a shadow's edge runs
 SPREAD = 3.0  # pixels that count as one spacing of directions
+LEAN = 0.5  # what space that is surely blocked or empty adds to the regression
 SOFTEN = 0.03  # keeps a light that coincides with the new one from ruling the regression's slope alone
 RIDGE = 1e-3
 NEAR, ANYWHERE = 0.1, 4.0  # squared distances on the unit sphere within which lights are sought, first and at most
@@ -107,9 +109,9 @@ def first_unknown(matrix: Any, right: Any) -> Any:
 
 @kernel
 def visibility(  # type: ignore[no-untyped-def]
-    p, u, points, lights, kinds, around, offsets, reach, nearest, widest, matrix, right
+    p, u, points, lights, kinds, around, offsets, reach, nearest, widest, lean, matrix, right
 ):
-    """Return the visibility of a direction from pixel p: the regression's value at it, made steep about 1/2."""
+    """Return the visibility of a direction from pixel p: the regression's value at it and a lean, steep about 1/2."""
     ax, ay, az, bx, by, bz = tangents(u[0], u[1], u[2])
     row, to = np.empty(5), np.empty(3)
     matrix[:] = 0.0
@@ -148,7 +150,7 @@ def visibility(  # type: ignore[no-untyped-def]
     for a in range(1, 5):
         matrix[a, a] += RIDGE * matrix[0, 0]
     value = first_unknown(matrix, right)
-    return min(1.0, max(0.0, SHARPNESS * (value - 0.5) + 0.5))
+    return min(1.0, max(0.0, SHARPNESS * (value + lean - 0.5) + 0.5))
 
 
 @parallel_kernel
@@ -192,8 +194,9 @@ def divide(  # type: ignore[no-untyped-def]
 
 @parallel_kernel
 def add_light(  # type: ignore[no-untyped-def]
-    points, normals, views, weights, values, kinds, around, offsets, reach, lights, place, distant, arriving, out
-):
+    points, normals, views, weights, values, kinds, around, offsets, reach, codes, frame, local, ahead, rotation,
+    lights, place, distant, arriving, out,
+):  # fmt: skip
     """Add the light of one emitter to a picture.
 
     Parameters
@@ -211,6 +214,8 @@ def add_light(  # type: ignore[no-untyped-def]
         Where those are in the picture [px].
     reach : (P,) float64
         How far a step of a pixel may go on the same surface [m].
+    codes, frame, local, ahead, rotation
+        Of :class:`.occlusion.Space`, local its points.
     lights : (L, 3) float64
     place : (3,) float64
         The emitter's position, or the unit direction to it where it is ``distant``.
@@ -221,20 +226,21 @@ def add_light(  # type: ignore[no-untyped-def]
     """
     axes = np.ascontiguousarray(lights.T).astype(np.float32)  # a transposed view would be read one by one
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
-        u, row = np.empty(3), np.empty(COLUMNS)
+        u, turned, row = np.empty(3), np.empty(3), np.empty(COLUMNS)
         nearest, distances = np.empty(NEAREST + 1, np.int64), np.empty(NEAREST + 1)
         cosines, near = np.empty(len(lights), np.float32), np.full(1, NEAR)
         matrix, right, ratio, fill = np.empty((5, 5)), np.empty(5), np.empty(3), np.empty(3)
         for p in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
+            far = np.inf
             if distant:
                 u[:] = place
             else:
-                direction(points[p], place, u)
+                far = math.sqrt(direction(points[p], place, u))
             columns(normals[p], views[p], u, row)
             facing = row[0] > 0.0
             find_nearest(points[p], u, lights, axes, kinds[p], facing, cosines, near, nearest, distances)
             widest = distances[NEAREST] if nearest[NEAREST] >= 0 else 4.0
-            lit, dark = 0.0, 0.0
+            lit, dark, hidden = 0.0, 0.0, 0.0
             ratio[:] = 0.0
             fill[:] = 0.0
             for j in range(NEAREST):
@@ -248,6 +254,8 @@ def add_light(  # type: ignore[no-untyped-def]
                         ratio[k] += weight * values[p, i, k]
                 else:
                     dark += weight
+                    if kinds[p, i] == SHADOWED:
+                        hidden += weight
                     for k in range(3):
                         fill[k] += weight * values[p, i, k]
             if not facing or lit <= 0.0:
@@ -257,9 +265,13 @@ def add_light(  # type: ignore[no-untyped-def]
             elif distances[0] < MEET:
                 visible = 1.0 if kinds[p, nearest[0]] == LIT else 0.0
             else:
+                for k in range(3):
+                    turned[k] = rotation[0, k] * u[0] + rotation[1, k] * u[1] + rotation[2, k] * u[2]
+                blocked = opacity(local[p], turned, ahead[p], far, codes, frame)
                 visible = visibility(
-                    p, u, points, lights, kinds, around, offsets, reach, nearest, widest, matrix, right
-                )
+                    p, u, points, lights, kinds, around, offsets, reach, nearest, widest,
+                    LEAN * hidden / dark * (0.5 - blocked), matrix, right,
+                )  # fmt: skip
             for k in range(3):
                 value = 0.0
                 if visible > 0.0:

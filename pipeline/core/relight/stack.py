@@ -18,6 +18,7 @@ from ..shape import Shape
 from ..shape.source import triangulate
 from . import interpolant, lobes
 from .emitters import Emitter
+from .occlusion import Space, carved
 
 ROWS = 4096
 FAR = 1e4  # object sizes away at which lights at infinity are taken to stand
@@ -80,6 +81,7 @@ class Expected:
     stack : Stack
     weights, kinds, around, offsets, reach
         As :func:`pipeline.core.relight.interpolant.add_light` takes them.
+    space : Space
     """
 
     stack: Stack
@@ -88,13 +90,15 @@ class Expected:
     around: NDArray[np.int32]
     offsets: NDArray[np.float64]
     reach: NDArray[np.float64]
+    space: Space
 
     def add(self, emitter: Emitter, out: NDArray[np.float64]) -> None:
         """Add the light of an emitter to the pixels' radiance (P, 3)."""
-        s = self.stack
+        s, space = self.stack, self.space
         arriving = emitter.irradiance(s.points)
         interpolant.add_light(
             s.points, s.normals, s.views, self.weights, s.values, self.kinds, self.around, self.offsets, self.reach,
+            space.codes, space.frame, space.points, space.ahead, space.rotation,
             s.lights, emitter.place, emitter.distant, arriving, out,
         )  # fmt: skip
 
@@ -210,8 +214,14 @@ def expect(stack: Stack, shape: Shape) -> Work[Expected]:
             *own, stack.lights, weights[part], stack.values[part], kinds[part], (SHADOW_SHARE, FLOOR, MOST_RATIO)
         )
         yield Progress("expect", part.stop, pixels, "pixels")
+    return (yield from expected(stack, weights, kinds, shape.camera))
+
+
+def expected(stack: Stack, weights: NDArray[np.float32], kinds: NDArray[np.uint8], camera: Camera) -> Work[Expected]:
+    """Return a stack, whose lit values stand over what is expected, with what its pixels know of each other."""
     around, offsets = neighbourhood(stack)
-    return Expected(stack, weights, kinds, around, offsets, reach(stack, shape.camera))
+    space = yield from carved(stack.points, stack.place, stack.lights, kinds, camera)
+    return Expected(stack, weights, kinds, around, offsets, reach(stack, camera), space)
 
 
 def reach(stack: Stack, camera: Camera) -> NDArray[np.float64]:

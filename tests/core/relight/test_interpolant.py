@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.core.relight.interpolant import AWAY, LIT, NEAR, NEAREST, SHADOWED, find_nearest
+from pipeline.core.relight.interpolant import NEAR, NEAREST, find_nearest
+from pipeline.core.relight.occlusion import AWAY, LIT, SHADOWED
 
 LIGHTS = 300
 

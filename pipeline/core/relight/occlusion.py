@@ -1,0 +1,232 @@
+"""What may stand between the object and a light: space about it that no light was seen to cross.
+
+A grid of voxels about the object, along the camera's axes. Empty are those that the camera looks through, before the
+surface and beside the object, and those that the straight line from a lit pixel to its light crosses: space carving by
+shadows (Savarese, Andreetto, Rushmeier, Bernardini and Perona 2007). All pixels carve together, so that a shadow's edge
+between two lights is where the lines of other pixels, to other lights, pass the same occluder. What is left holds the
+object, its unseen back too, and space that nothing tells of. A shadow says that something stands on its line: each voxel
+left is as dense as the surest of the shadows asks for that it may cast, 1 / n of n steps of its line. A line to a new
+light is blocked when the densities on it add up to one.
+
+Not modelled: occluders beyond the grid, and those that let light through. Shadows that no voxel left explains are told.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..compiled import kernel, parallel_kernel
+from ..progress import Progress, Work
+from .lobes import direction
+
+WIDER = 1.25  # than the object's largest extent is the grid
+VOXEL = 0.5  # widths of a pixel
+MOST = 320  # voxels along a side
+STEP = 0.5  # of a voxel
+AHEAD = 2.0  # widths of a pixel from a surface point to where its line begins to count
+EMPTY, UNKNOWN = 0, 1  # codes of voxels; larger ones, of what stands on lines to shadowed lights, are of DENSITY
+PER_OCTAVE, OCTAVES = 2, 10
+DENSITY = np.append([0.0, 0.0], 2.0 ** (-np.arange(PER_OCTAVE * OCTAVES)[::-1] / PER_OCTAVE))  # of a step
+PASSES = len(DENSITY) + 1
+AWAY, SHADOWED, LIT, BEYOND = 0, 1, 2, 3  # kinds of lights for a pixel; the last are shadowed by nothing in the grid
+
+
+@dataclass(frozen=True)
+class Space:
+    """What P pixels know of the space about the object.
+
+    Parameters
+    ----------
+    codes : (N, N, N) uint8
+        EMPTY, UNKNOWN, or the place in DENSITY of how surely a voxel blocks light.
+    frame : (4,) float64
+        Lowest corner, in the camera's axes [m], and width of a voxel [m].
+    points : (P, 3) float64
+        In the camera's axes [m].
+    ahead : (P,) float64
+        Distance from each point from which on its lines count [m].
+    rotation : (3, 3) float64
+        From the camera's axes to the world's.
+    """
+
+    codes: NDArray[np.uint8]
+    frame: NDArray[np.float64]
+    points: NDArray[np.float64]
+    ahead: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+
+
+@kernel
+def span(point: Any, u: Any, frame: Any, count: Any) -> Any:
+    """Return where a line enters and leaves the grid; it leaves before it enters where it misses."""
+    enter, leave = 0.0, np.inf
+    for k in range(3):
+        low, high = frame[k] - point[k], frame[k] + count * frame[3] - point[k]
+        if u[k] != 0.0:
+            enter = max(enter, min(low / u[k], high / u[k]))
+            leave = min(leave, max(low / u[k], high / u[k]))
+        elif low > 0.0 or high < 0.0:
+            leave = -1.0
+    return enter, leave
+
+
+@kernel
+def voxel(point: Any, u: Any, s: Any, frame: Any, count: Any) -> Any:
+    """Return the index of the voxel at a distance s along a line."""
+    index = 0
+    for k in range(3):
+        at = int((point[k] + s * u[k] - frame[k]) / frame[3])
+        index = index * count + min(max(at, 0), count - 1)
+    return index
+
+
+@kernel
+def write(point: Any, u: Any, start: Any, end: Any, code: Any, lowest: Any, space: Any, frame: Any) -> None:
+    """Write a code into the voxels on a line between two distances, where theirs is a lowest one or above."""
+    flat, count = space.reshape(-1), len(space)
+    enter, leave = span(point, u, frame, count)
+    s, end = max(start, enter), min(end, leave)
+    while s < end:
+        at = voxel(point, u, s, frame, count)
+        if flat[at] >= lowest:
+            flat[at] = code
+        s += STEP * frame[3]
+
+
+@kernel
+def unknown_steps(point: Any, u: Any, start: Any, end: Any, space: Any, frame: Any) -> Any:
+    """Return the steps of a line between two distances that are not known to be empty."""
+    flat, count = space.reshape(-1), len(space)
+    enter, leave = span(point, u, frame, count)
+    s, end, found = max(start, enter), min(end, leave), 0
+    while s < end:
+        found += flat[voxel(point, u, s, frame, count)] != EMPTY
+        s += STEP * frame[3]
+    return found
+
+
+@kernel
+def opacity(point: Any, u: Any, start: Any, end: Any, space: Any, frame: Any) -> Any:
+    """Return how surely something blocks a line between two distances: 0, or 1 as for a line to a shadowed light."""
+    flat, count = space.reshape(-1), len(space)
+    enter, leave = span(point, u, frame, count)
+    s, end, found = max(start, enter), min(end, leave), 0.0
+    while s < end and found < 1.0:
+        found += DENSITY[flat[voxel(point, u, s, frame, count)]]
+        s += STEP * frame[3]
+    return min(found, 1.0)
+
+
+@parallel_kernel
+def look_through(depth: Any, focal: Any, centre: Any, is_pinhole: Any, margin: Any, space: Any, frame: Any) -> None:
+    """Empty what the camera sees to lie before the surface, or beside it; see :meth:`.Camera.project`.
+
+    ``depth`` (H, W) is infinite beside the object, and what is out of the picture is beside it.
+    """
+    count, (height, width) = len(space), depth.shape
+    for i in prange(count):
+        x = frame[0] + (i + 0.5) * frame[3]
+        for j in range(count):
+            y = frame[1] + (j + 0.5) * frame[3]
+            for k in range(count):
+                z = frame[2] + (k + 0.5) * frame[3]
+                distance, scale = -z, 1.0
+                if is_pinhole:
+                    distance, scale = math.sqrt(x * x + y * y + z * z), -z
+                column = math.floor(centre[0] + focal[0] * x / scale)
+                row = math.floor(centre[1] - focal[1] * y / scale)
+                inside = scale > 0.0 and 0 <= column < width and 0 <= row < height
+                if not inside or distance < depth[int(row), int(column)] - margin:
+                    space[i, j, k] = EMPTY
+
+
+@parallel_kernel
+def look_at_lights(points: Any, lights: Any, kinds: Any, ahead: Any, space: Any, frame: Any) -> None:
+    """Empty what lies between pixels and the lights that light them."""
+    for p in prange(len(points)):
+        u = np.empty(3)
+        for i in range(len(lights)):
+            if kinds[p, i] == LIT:
+                far = math.sqrt(direction(points[p], lights[i], u))
+                write(points[p], u, ahead[p], far, EMPTY, EMPTY, space, frame)
+
+
+@parallel_kernel
+def measure_shadows(points: Any, lights: Any, kinds: Any, ahead: Any, space: Any, frame: Any, codes: Any) -> None:
+    """Write the code of what must at least stand on every line to a shadowed light, (P, L); 0 for other lights.
+
+    Shadowed lights that nothing can hide become BEYOND.
+    """
+    for p in prange(len(points)):
+        u = np.empty(3)
+        for i in range(len(lights)):
+            codes[p, i] = 0
+            if kinds[p, i] == SHADOWED:
+                far = math.sqrt(direction(points[p], lights[i], u))
+                steps = unknown_steps(points[p], u, ahead[p], far, space, frame)
+                if steps > 0:
+                    codes[p, i] = max(len(DENSITY) - 1 - int(PER_OCTAVE * math.log2(steps)), UNKNOWN + 1)
+                else:
+                    kinds[p, i] = BEYOND
+
+
+@parallel_kernel
+def fill_shadows(points: Any, lights: Any, codes: Any, code: Any, ahead: Any, space: Any, frame: Any) -> None:
+    """Write one code on the lines that have it. All write the same, so their order does not matter."""
+    for p in prange(len(points)):
+        u = np.empty(3)
+        for i in range(len(lights)):
+            if codes[p, i] == code:
+                far = math.sqrt(direction(points[p], lights[i], u))
+                write(points[p], u, ahead[p], far, code, UNKNOWN, space, frame)
+
+
+def carved(
+    points: NDArray[np.float64],
+    place: NDArray[np.int64],
+    lights: NDArray[np.float64],
+    kinds: NDArray[np.uint8],
+    camera: Camera,
+) -> Work[Space]:
+    """Return what is known of the space about the object from its pixels' lights.
+
+    Parameters
+    ----------
+    points : (P, 3) float64
+    place : (2, P) int64
+        Row and column of every pixel.
+    lights : (L, 3) float64
+    kinds : (P, L) uint8
+        Changed in place where a shadow is BEYOND explanation.
+    camera : Camera
+    """
+    rotation = np.ascontiguousarray(camera.to_world[:3, :3])
+    local, shining = ((there - camera.to_world[:3, 3]) @ rotation for there in (points, lights))
+    distance = camera.project(points)[1]
+    pixel = camera.pixel_size(distance)
+    low, high = local.min(axis=0), local.max(axis=0)
+    size = max(WIDER * float((high - low).max()), float(pixel.max()))
+    width = max(VOXEL * float(np.median(pixel)), size / MOST)
+    count = math.ceil(size / width)
+    frame = np.append((low + high - count * width) / 2, width)
+    codes = np.full((count, count, count), UNKNOWN, np.uint8)
+    depth = np.full(camera.resolution[::-1], np.inf)
+    depth[tuple(place)] = distance
+    look_through(depth, camera.focal, camera.centre, camera.model == "pinhole", width, codes, frame)
+    ahead, shadows = AHEAD * pixel, np.empty_like(kinds)
+    yield Progress("carve", 1, PASSES, "passes")
+    look_at_lights(local, shining, kinds, ahead, codes, frame)
+    yield Progress("carve", 2, PASSES, "passes")
+    measure_shadows(local, shining, kinds, ahead, codes, frame, shadows)
+    yield Progress("carve", 3, PASSES, "passes")
+    for code in range(UNKNOWN + 1, len(DENSITY)):  # the surest last
+        fill_shadows(local, shining, shadows, code, ahead, codes, frame)
+        yield Progress("carve", code + 2, PASSES, "passes")
+    return Space(codes, frame, local, ahead, rotation)
