@@ -4,9 +4,11 @@ A grid of voxels about the object, along the camera's axes. Empty are those that
 surface and beside the object, and those that the straight line from a lit pixel to its light crosses: space carving by
 shadows (Savarese, Andreetto, Rushmeier, Bernardini and Perona 2007). All pixels carve together, so that a shadow's edge
 between two lights is where the lines of other pixels, to other lights, pass the same occluder. What is left holds the
-object, its unseen back too, and space that nothing tells of. A shadow says that something stands on its line: each voxel
-left is as dense as the surest of the shadows asks for that it may cast, 1 / n of n steps of its line. A line to a new
-light is blocked when the densities on it add up to one.
+object, its unseen back too, and space that nothing tells of.
+
+A shadow says that something stands on its line. Each voxel that is left is as dense as the surest of the shadows that
+it may cast asks for: 1 / n where n steps of its line are left. A line to a new light is blocked as far as the densities
+on it add up to one.
 
 Not modelled: occluders beyond the grid, and those that let light through. Shadows that no voxel left explains are told.
 """
