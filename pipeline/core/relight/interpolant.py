@@ -207,7 +207,7 @@ def add_light(  # type: ignore[no-untyped-def]
     values : (P, L, 3) float32
         Of lit lights y / M, of the others y.
     kinds : (P, L) uint8
-        AWAY, SHADOWED or LIT.
+        AWAY, SHADOWED, LIT or BEYOND.
     around : (P, N) int32
         Pixels about each, -1 for none.
     offsets : (N, 2) float64
