@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import random
-import resource
 import shutil
 import signal
 import socket
@@ -161,6 +160,8 @@ def test_a_scene_that_fells_blender_is_listed_and_the_rest_is_made(
 
     def bound() -> None:
         if memory is not None:
+            import resource  # not on Windows, where this module is skipped
+
             resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
 
     draw_scene(*levels)

@@ -27,7 +27,7 @@ from ..progress import Progress, Work
 from ..shape import Shape
 from . import lobes, remainder
 from .occlusion import AWAY, LIT, SHADOWED
-from .stack import FLOOR, Expected, arrange, expect, expected, placed, surface, unread, usable
+from .stack import FLOOR, Expected, arrange, expect, placed, surface, surrounded, unread, usable
 
 FORMAT = "lightsphere-relightable"
 VERSION = 1
@@ -81,7 +81,7 @@ class CompactCapture(Capture):
             kinds[:, light] = np.where(lit[:, 0], LIT, facing)
             yield Progress("read", light + 1, len(self), "pictures")
         weights = np.concatenate([coded.weights, np.repeat(floor[:, None], 3, axis=2)], axis=1)
-        return (yield from expected(stack, weights, kinds, self.camera))
+        return (yield from surrounded(stack, weights, kinds, self.camera))
 
     def truth(self) -> None:
         """Return None: no truth is kept."""
@@ -182,10 +182,10 @@ def write(path: Path, capture: Capture, shape: Shape, rate: float, memory: float
     arrays = _stored(shape, mask) | {"head": _head(capture)}
     stored = _shape(capture.camera, mask, arrays)
     stack = yield from arrange(capture, stored, memory)
-    expected = yield from expect(stack, stored)
+    weights, kinds = yield from expect(stack)
     whole = HALF * len(stack.points) * len(capture)
     for steps in STEPS:
-        arrays |= _quantised(expected, steps)
+        arrays |= _quantised(weights, kinds, steps)
         if len(_packed(arrays)) < HALF_OF_ALL * whole / rate:
             break
     coded = _coded(mask, stored, capture.lights, arrays, remainder.NONE)
@@ -298,22 +298,22 @@ def _shape(camera: Camera, mask: NDArray[np.bool_], arrays: Arrays) -> Shape:
     return Shape(camera, depth, normal, confidence)
 
 
-def _quantised(expected: Expected, finest: int) -> Arrays:
+def _quantised(expected: NDArray[np.float32], kinds: NDArray[np.uint8], finest: int) -> Arrays:
     """Return what is kept of an expectation: weights, mean level of y and which lights are lit.
 
     The roots of the weights are in steps, (C, 3, P), red and blue as their difference to green.
     """
-    weights = expected.weights[:, : lobes.COLUMNS]
+    weights = expected[:, : lobes.COLUMNS]
     top = np.maximum(weights.max(axis=(0, 2)), np.float32(1e-30))
     steps = np.round(finest * np.sqrt(weights / top[:, None])).astype(np.uint8)
     steps[..., 0::2] -= steps[..., 1:2]  # modulo 256
-    mean = expected.weights[:, lobes.COLUMNS].max(axis=-1) / FLOOR
+    mean = expected[:, lobes.COLUMNS].max(axis=-1) / FLOOR
     octave = OCTAVE * np.log2(np.maximum(mean, DARKEST * np.median(mean)))
     return {
         "weights": np.ascontiguousarray(steps.transpose(1, 2, 0)),
         "top": top / np.float32(finest**2),
         "octave": np.clip(np.round(octave), -128, 127).astype(np.int8),
-        "lit": np.packbits((expected.kinds == LIT).T, axis=1),
+        "lit": np.packbits((kinds == LIT).T, axis=1),
     }
 
 

@@ -36,6 +36,7 @@ AHEAD = 2.0  # widths of a pixel from a surface point to where its line begins t
 EMPTY, UNKNOWN = 0, 1  # codes of voxels; larger ones, of what stands on lines to shadowed lights, are of DENSITY
 PER_OCTAVE, OCTAVES = 2, 10
 DENSITY = np.append([0.0, 0.0], 2.0 ** (-np.arange(PER_OCTAVE * OCTAVES)[::-1] / PER_OCTAVE))  # of a step
+NOT_EMPTY = np.append(0.0, np.ones(len(DENSITY) - 1))
 PASSES = len(DENSITY) + 1
 AWAY, SHADOWED, LIT, BEYOND = 0, 1, 2, 3  # kinds of lights for a pixel; the last are shadowed by nothing in the grid
 
@@ -90,49 +91,43 @@ def voxel(point: Any, u: Any, s: Any, frame: Any, count: Any) -> Any:
 
 
 @kernel
-def write(point: Any, u: Any, start: Any, end: Any, code: Any, lowest: Any, space: Any, frame: Any) -> None:
-    """Write a code into the voxels on a line between two distances, where theirs is a lowest one or above."""
-    flat, count = space.reshape(-1), len(space)
+def write(point: Any, u: Any, start: Any, end: Any, code: Any, codes: Any, frame: Any) -> None:
+    """Write a code into the voxels on a line between two distances; what is empty stays so."""
+    flat, count = codes.reshape(-1), len(codes)
     enter, leave = span(point, u, frame, count)
     s, end = max(start, enter), min(end, leave)
     while s < end:
         at = voxel(point, u, s, frame, count)
-        if flat[at] >= lowest:
+        if flat[at] != EMPTY:
             flat[at] = code
         s += STEP * frame[3]
 
 
 @kernel
-def unknown_steps(point: Any, u: Any, start: Any, end: Any, space: Any, frame: Any) -> Any:
-    """Return the steps of a line between two distances that are not known to be empty."""
-    flat, count = space.reshape(-1), len(space)
+def total(point: Any, u: Any, start: Any, end: Any, worth: Any, most: Any, codes: Any, frame: Any) -> Any:
+    """Return the sum of what the codes are worth at the steps of a line between two distances, at most so much."""
+    flat, count = codes.reshape(-1), len(codes)
     enter, leave = span(point, u, frame, count)
-    s, end, found = max(start, enter), min(end, leave), 0
-    while s < end:
-        found += flat[voxel(point, u, s, frame, count)] != EMPTY
+    s, end, found = max(start, enter), min(end, leave), 0.0
+    while s < end and found < most:
+        found += worth[flat[voxel(point, u, s, frame, count)]]
         s += STEP * frame[3]
-    return found
+    return min(found, most)
 
 
 @kernel
-def opacity(point: Any, u: Any, start: Any, end: Any, space: Any, frame: Any) -> Any:
+def opacity(point: Any, u: Any, start: Any, end: Any, codes: Any, frame: Any) -> Any:
     """Return how surely something blocks a line between two distances: 0, or 1 as for a line to a shadowed light."""
-    flat, count = space.reshape(-1), len(space)
-    enter, leave = span(point, u, frame, count)
-    s, end, found = max(start, enter), min(end, leave), 0.0
-    while s < end and found < 1.0:
-        found += DENSITY[flat[voxel(point, u, s, frame, count)]]
-        s += STEP * frame[3]
-    return min(found, 1.0)
+    return total(point, u, start, end, DENSITY, 1.0, codes, frame)
 
 
 @parallel_kernel
-def look_through(depth: Any, focal: Any, centre: Any, is_pinhole: Any, margin: Any, space: Any, frame: Any) -> None:
+def look_through(depth: Any, focal: Any, centre: Any, is_pinhole: Any, margin: Any, codes: Any, frame: Any) -> None:
     """Empty what the camera sees to lie before the surface, or beside it; see :meth:`.Camera.project`.
 
     ``depth`` (H, W) is infinite beside the object, and what is out of the picture is beside it.
     """
-    count, (height, width) = len(space), depth.shape
+    count, (height, width) = len(codes), depth.shape
     for i in prange(count):
         x = frame[0] + (i + 0.5) * frame[3]
         for j in range(count):
@@ -146,22 +141,24 @@ def look_through(depth: Any, focal: Any, centre: Any, is_pinhole: Any, margin: A
                 row = math.floor(centre[1] - focal[1] * y / scale)
                 inside = scale > 0.0 and 0 <= column < width and 0 <= row < height
                 if not inside or distance < depth[int(row), int(column)] - margin:
-                    space[i, j, k] = EMPTY
+                    codes[i, j, k] = EMPTY
 
 
 @parallel_kernel
-def look_at_lights(points: Any, lights: Any, kinds: Any, ahead: Any, space: Any, frame: Any) -> None:
-    """Empty what lies between pixels and the lights that light them."""
+def draw_lines(  # type: ignore[no-untyped-def]
+    points, lights, kinds, kind, code, ahead, codes, frame
+):
+    """Write a code on the lines to the lights of one kind (P, L). All write the same: their order does not matter."""
     for p in prange(len(points)):
         u = np.empty(3)
         for i in range(len(lights)):
-            if kinds[p, i] == LIT:
+            if kinds[p, i] == kind:
                 far = math.sqrt(direction(points[p], lights[i], u))
-                write(points[p], u, ahead[p], far, EMPTY, EMPTY, space, frame)
+                write(points[p], u, ahead[p], far, code, codes, frame)
 
 
 @parallel_kernel
-def measure_shadows(points: Any, lights: Any, kinds: Any, ahead: Any, space: Any, frame: Any, codes: Any) -> None:
+def measure_shadows(points: Any, lights: Any, kinds: Any, ahead: Any, codes: Any, frame: Any, shadows: Any) -> None:
     """Write the code of what must at least stand on every line to a shadowed light, (P, L); 0 for other lights.
 
     Shadowed lights that nothing can hide become BEYOND.
@@ -169,25 +166,14 @@ def measure_shadows(points: Any, lights: Any, kinds: Any, ahead: Any, space: Any
     for p in prange(len(points)):
         u = np.empty(3)
         for i in range(len(lights)):
-            codes[p, i] = 0
+            shadows[p, i] = 0
             if kinds[p, i] == SHADOWED:
                 far = math.sqrt(direction(points[p], lights[i], u))
-                steps = unknown_steps(points[p], u, ahead[p], far, space, frame)
-                if steps > 0:
-                    codes[p, i] = max(len(DENSITY) - 1 - int(PER_OCTAVE * math.log2(steps)), UNKNOWN + 1)
+                steps = total(points[p], u, ahead[p], far, NOT_EMPTY, np.inf, codes, frame)
+                if steps > 0.0:
+                    shadows[p, i] = max(len(DENSITY) - 1 - int(PER_OCTAVE * math.log2(steps)), UNKNOWN + 1)
                 else:
                     kinds[p, i] = BEYOND
-
-
-@parallel_kernel
-def fill_shadows(points: Any, lights: Any, codes: Any, code: Any, ahead: Any, space: Any, frame: Any) -> None:
-    """Write one code on the lines that have it. All write the same, so their order does not matter."""
-    for p in prange(len(points)):
-        u = np.empty(3)
-        for i in range(len(lights)):
-            if codes[p, i] == code:
-                far = math.sqrt(direction(points[p], lights[i], u))
-                write(points[p], u, ahead[p], far, code, UNKNOWN, space, frame)
 
 
 def carved(
@@ -224,11 +210,11 @@ def carved(
     look_through(depth, camera.focal, camera.centre, camera.model == "pinhole", width, codes, frame)
     ahead, shadows = AHEAD * pixel, np.empty_like(kinds)
     yield Progress("carve", 1, PASSES, "passes")
-    look_at_lights(local, shining, kinds, ahead, codes, frame)
+    draw_lines(local, shining, kinds, LIT, EMPTY, ahead, codes, frame)
     yield Progress("carve", 2, PASSES, "passes")
     measure_shadows(local, shining, kinds, ahead, codes, frame, shadows)
     yield Progress("carve", 3, PASSES, "passes")
     for code in range(UNKNOWN + 1, len(DENSITY)):  # the surest last
-        fill_shadows(local, shining, shadows, code, ahead, codes, frame)
+        draw_lines(local, shining, shadows, code, code, ahead, codes, frame)
         yield Progress("carve", code + 2, PASSES, "passes")
     return Space(codes, frame, local, ahead, rotation)

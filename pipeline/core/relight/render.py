@@ -15,7 +15,7 @@ from ..shape import Shape
 from . import RelightSettings
 from .compact import CompactCapture
 from .emitters import Emitter
-from .stack import Expected, Stack, arrange, expect
+from .stack import Expected, Stack, arrange, expect, surrounded
 
 
 def prepare(capture: Capture, shape: Shape, settings: RelightSettings) -> Work[Stack | Expected]:
@@ -27,7 +27,8 @@ def prepare(capture: Capture, shape: Shape, settings: RelightSettings) -> Work[S
         if not len(stack.triangles):
             raise LightsphereError(f"{capture.folder} has no inner surface of lights; choose --interpolation model")
         return stack
-    return (yield from expect(stack, shape))
+    weights, kinds = yield from expect(stack)
+    return (yield from surrounded(stack, weights, kinds, shape.camera))
 
 
 def relit(prepared: Stack | Expected, emitters: Sequence[Emitter]) -> Work[NDArray[np.float32]]:

@@ -190,8 +190,8 @@ def check(capture: Capture, shape: Shape) -> None:
         )
 
 
-def expect(stack: Stack, shape: Shape) -> Work[Expected]:
-    """Fit what is expected of every pixel and put the stack's lit values over it, in place."""
+def expect(stack: Stack) -> Work[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
+    """Fit what is expected of every pixel, put the stack's lit values over it in place, return weights and kinds."""
     cells = lobes.cells_of(*stack.place)
     order = np.argsort(cells, kind="stable")
     starts = np.searchsorted(cells[order], np.arange(cells.max() + 2))
@@ -214,11 +214,11 @@ def expect(stack: Stack, shape: Shape) -> Work[Expected]:
             *own, stack.lights, weights[part], stack.values[part], kinds[part], (SHADOW_SHARE, FLOOR, MOST_RATIO)
         )
         yield Progress("expect", part.stop, pixels, "pixels")
-    return (yield from expected(stack, weights, kinds, shape.camera))
+    return weights, kinds
 
 
-def expected(stack: Stack, weights: NDArray[np.float32], kinds: NDArray[np.uint8], camera: Camera) -> Work[Expected]:
-    """Return a stack, whose lit values stand over what is expected, with what its pixels know of each other."""
+def surrounded(stack: Stack, weights: NDArray[np.float32], kinds: NDArray[np.uint8], camera: Camera) -> Work[Expected]:
+    """Return a stack, whose lit values stand over what is expected, with what its pixels tell of each other."""
     around, offsets = neighbourhood(stack)
     space = yield from carved(stack.points, stack.place, stack.lights, kinds, camera)
     return Expected(stack, weights, kinds, around, offsets, reach(stack, camera), space)
