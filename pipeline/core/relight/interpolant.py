@@ -30,7 +30,8 @@ NEAREST = 12  # directions
 SHARPNESS = 4.0
 RING = 2  # pixels about one that say where a shadow's edge runs
 SPREAD = 3.0  # pixels that count as one spacing of directions
-LEAN = 0.5  # what space that is surely blocked or empty adds to the regression
+LEAN = 0.7  # what space that is surely blocked rather than empty takes from the regression
+HALFWAY = 0.4  # blocked, at an edge: lines empty all voxels they touch, a little more than is empty
 SOFTEN = 0.03  # keeps a light that coincides with the new one from ruling the regression's slope alone
 RIDGE = 1e-3
 NEAR, ANYWHERE = 0.1, 4.0  # squared distances on the unit sphere within which lights are sought, first and at most
@@ -194,7 +195,7 @@ def divide(  # type: ignore[no-untyped-def]
 
 @parallel_kernel
 def add_light(  # type: ignore[no-untyped-def]
-    points, normals, views, weights, values, kinds, around, offsets, reach, codes, frame, local, ahead, rotation,
+    points, normals, views, weights, values, kinds, around, offsets, reach, codes, frames, local, ahead, rotation,
     lights, place, distant, arriving, out,
 ):  # fmt: skip
     """Add the light of one emitter to a picture.
@@ -214,7 +215,7 @@ def add_light(  # type: ignore[no-untyped-def]
         Where those are in the picture [px].
     reach : (P,) float64
         How far a step of a pixel may go on the same surface [m].
-    codes, frame, local, ahead, rotation
+    codes, frames, local, ahead, rotation
         Of :class:`.occlusion.Space`, local its points.
     lights : (L, 3) float64
     place : (3,) float64
@@ -267,10 +268,10 @@ def add_light(  # type: ignore[no-untyped-def]
             else:
                 for k in range(3):
                     turned[k] = rotation[0, k] * u[0] + rotation[1, k] * u[1] + rotation[2, k] * u[2]
-                blocked = opacity(local[p], turned, ahead[p], far, codes, frame)
+                blocked = opacity(local[p], turned, ahead[p], far, codes, frames)
                 visible = visibility(
                     p, u, points, lights, kinds, around, offsets, reach, nearest, widest,
-                    LEAN * hidden / dark * (0.5 - blocked), matrix, right,
+                    LEAN * hidden / dark * (HALFWAY - blocked), matrix, right,
                 )  # fmt: skip
             for k in range(3):
                 value = 0.0

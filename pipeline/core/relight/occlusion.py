@@ -1,6 +1,6 @@
 """What may stand between the object and a light: space about it that no light was seen to cross.
 
-A grid of voxels about the object, along the camera's axes. Empty are those that the camera looks through, before the
+Grids of voxels about the object, along the camera's axes. Empty are those that the camera looks through, before the
 surface and beside the object, and those that the straight line from a lit pixel to its light crosses: space carving by
 shadows (Savarese, Andreetto, Rushmeier, Bernardini and Perona 2007). All pixels carve together, so that a shadow's edge
 between two lights is where the lines of other pixels, to other lights, pass the same occluder. What is left holds the
@@ -8,7 +8,8 @@ object, its unseen back too, and space that nothing tells of.
 
 A shadow says that something stands on its line. Each voxel that is left is as dense as the surest of the shadows that
 it may cast asks for: 1 / n where n steps of its line are left. A line to a new light is blocked as far as the densities
-on it add up to one.
+on it add up to one, in the mean of all grids: they are shifted against each other, so that what one of them rounds off
+at an edge others keep.
 
 Not modelled: occluders beyond the grid, and those that let light through. Shadows that no voxel left explains are told.
 """
@@ -29,15 +30,16 @@ from ..progress import Progress, Work
 from .lobes import direction
 
 WIDER = 1.25  # than the object's largest extent is the grid
-VOXEL = 0.5  # widths of a pixel
+VOXEL = 0.4  # widths of a pixel
 MOST = 320  # voxels along a side
+SHIFTS = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.5, 0.5, 0.0]])  # of the grids, in voxels
 STEP = 0.5  # of a voxel
 AHEAD = 2.0  # widths of a pixel from a surface point to where its line begins to count
 EMPTY, UNKNOWN = 0, 1  # codes of voxels; larger ones, of what stands on lines to shadowed lights, are of DENSITY
 PER_OCTAVE, OCTAVES = 2, 10
 DENSITY = np.append([0.0, 0.0], 2.0 ** (-np.arange(PER_OCTAVE * OCTAVES)[::-1] / PER_OCTAVE))  # of a step
 NOT_EMPTY = np.append(0.0, np.ones(len(DENSITY) - 1))
-PASSES = len(DENSITY) + 1
+PASSES = len(DENSITY)  # of each grid
 AWAY, SHADOWED, LIT, BEYOND = 0, 1, 2, 3  # kinds of lights for a pixel; the last are shadowed by nothing in the grid
 
 
@@ -47,10 +49,10 @@ class Space:
 
     Parameters
     ----------
-    codes : (N, N, N) uint8
-        EMPTY, UNKNOWN, or the place in DENSITY of how surely a voxel blocks light.
-    frame : (4,) float64
-        Lowest corner, in the camera's axes [m], and width of a voxel [m].
+    codes : (G, N, N, N) uint8
+        Of every grid: EMPTY, UNKNOWN, or the place in DENSITY of how surely a voxel blocks light.
+    frames : (G, 4) float64
+        Lowest corner of each grid, in the camera's axes [m], and width of its voxels [m].
     points : (P, 3) float64
         In the camera's axes [m].
     ahead : (P,) float64
@@ -60,7 +62,7 @@ class Space:
     """
 
     codes: NDArray[np.uint8]
-    frame: NDArray[np.float64]
+    frames: NDArray[np.float64]
     points: NDArray[np.float64]
     ahead: NDArray[np.float64]
     rotation: NDArray[np.float64]
@@ -116,9 +118,12 @@ def total(point: Any, u: Any, start: Any, end: Any, worth: Any, most: Any, codes
 
 
 @kernel
-def opacity(point: Any, u: Any, start: Any, end: Any, codes: Any, frame: Any) -> Any:
+def opacity(point: Any, u: Any, start: Any, end: Any, codes: Any, frames: Any) -> Any:
     """Return how surely something blocks a line between two distances: 0, or 1 as for a line to a shadowed light."""
-    return total(point, u, start, end, DENSITY, 1.0, codes, frame)
+    found = 0.0
+    for g in range(len(codes)):
+        found += total(point, u, start, end, DENSITY, 1.0, codes[g], frames[g])
+    return found / len(codes)
 
 
 @parallel_kernel
@@ -159,9 +164,9 @@ def draw_lines(  # type: ignore[no-untyped-def]
 
 @parallel_kernel
 def measure_shadows(points: Any, lights: Any, kinds: Any, ahead: Any, codes: Any, frame: Any, shadows: Any) -> None:
-    """Write the code of what must at least stand on every line to a shadowed light, (P, L); 0 for other lights.
+    """Write the code of what must at least stand on every line to a shadowed light, (P, L).
 
-    Shadowed lights that nothing can hide become BEYOND.
+    It is 0 for other lights, and where the line is empty.
     """
     for p in prange(len(points)):
         u = np.empty(3)
@@ -172,8 +177,6 @@ def measure_shadows(points: Any, lights: Any, kinds: Any, ahead: Any, codes: Any
                 steps = total(points[p], u, ahead[p], far, NOT_EMPTY, np.inf, codes, frame)
                 if steps > 0.0:
                     shadows[p, i] = max(len(DENSITY) - 1 - int(PER_OCTAVE * math.log2(steps)), UNKNOWN + 1)
-                else:
-                    kinds[p, i] = BEYOND
 
 
 def carved(
@@ -185,6 +188,8 @@ def carved(
 ) -> Work[Space]:
     """Return what is known of the space about the object from its pixels' lights.
 
+    Where voxels are wider than :data:`VOXEL` the grids share the pixels among them: lines are dense enough.
+
     Parameters
     ----------
     points : (P, 3) float64
@@ -192,7 +197,7 @@ def carved(
         Row and column of every pixel.
     lights : (L, 3) float64
     kinds : (P, L) uint8
-        Changed in place where a shadow is BEYOND explanation.
+        Changed in place where no grid explains a shadow: BEYOND.
     camera : Camera
     """
     rotation = np.ascontiguousarray(camera.to_world[:3, :3])
@@ -201,20 +206,37 @@ def carved(
     pixel = camera.pixel_size(distance)
     low, high = local.min(axis=0), local.max(axis=0)
     size = max(WIDER * float((high - low).max()), float(pixel.max()))
-    width = max(VOXEL * float(np.median(pixel)), size / MOST)
+    finest = VOXEL * float(np.median(pixel))
+    width = max(finest, size / MOST)
     count = math.ceil(size / width)
-    frame = np.append((low + high - count * width) / 2, width)
-    codes = np.full((count, count, count), UNKNOWN, np.uint8)
+    grids = len(SHIFTS)
+    frames = np.column_stack([(low + high - count * width) / 2 + width * SHIFTS, np.full(grids, width)])
+    codes = np.full((grids, count, count, count), UNKNOWN, np.uint8)
     depth = np.full(camera.resolution[::-1], np.inf)
     depth[tuple(place)] = distance
-    look_through(depth, camera.focal, camera.centre, camera.model == "pinhole", width, codes, frame)
     ahead, shadows = AHEAD * pixel, np.empty_like(kinds)
-    yield Progress("carve", 1, PASSES, "passes")
-    draw_lines(local, shining, kinds, LIT, EMPTY, ahead, codes, frame)
-    yield Progress("carve", 2, PASSES, "passes")
-    measure_shadows(local, shining, kinds, ahead, codes, frame, shadows)
-    yield Progress("carve", 3, PASSES, "passes")
+    shares = min(grids, int((width / finest) ** 2))
+    is_explained = np.zeros(kinds.shape, bool)
+    for g in range(grids):
+        look_through(depth, camera.focal, camera.centre, camera.model == "pinhole", width, codes[g], frames[g])
+        own = slice(g % shares, None, shares)
+        seen = (local[own], shining, kinds[own])
+        yield from _carve(g * PASSES, seen, ahead[own], codes[g], frames[g], shadows[own])
+        is_explained[own] |= shadows[own] > 0
+    kinds[(kinds == SHADOWED) & ~is_explained] = BEYOND
+    return Space(codes, frames, local, ahead, rotation)
+
+
+def _carve(  # type: ignore[no-untyped-def]
+    done, seen, ahead, codes, frame, shadows
+) -> Work[None]:
+    """Draw into one grid what points see of lights, by their kinds, and return in ``shadows`` which it explains."""
+    passes = len(SHIFTS) * PASSES
+    points, lights, kinds = seen
+    draw_lines(points, lights, kinds, LIT, EMPTY, ahead, codes, frame)
+    yield Progress("carve", done + 1, passes, "passes")
+    measure_shadows(points, lights, kinds, ahead, codes, frame, shadows)
+    yield Progress("carve", done + 2, passes, "passes")
     for code in range(UNKNOWN + 1, len(DENSITY)):  # the surest last
-        draw_lines(local, shining, shadows, code, code, ahead, codes, frame)
-        yield Progress("carve", code + 2, PASSES, "passes")
-    return Space(codes, frame, local, ahead, rotation)
+        draw_lines(points, lights, shadows, code, code, ahead, codes, frame)
+        yield Progress("carve", done + code + 1, passes, "passes")

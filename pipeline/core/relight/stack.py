@@ -98,7 +98,7 @@ class Expected:
         arriving = emitter.irradiance(s.points)
         interpolant.add_light(
             s.points, s.normals, s.views, self.weights, s.values, self.kinds, self.around, self.offsets, self.reach,
-            space.codes, space.frame, space.points, space.ahead, space.rotation,
+            space.codes, space.frames, space.points, space.ahead, space.rotation,
             s.lights, emitter.place, emitter.distant, arriving, out,
         )  # fmt: skip
 
