@@ -2,7 +2,7 @@
 
 What a pixel shows under a light, y = L d^2 / I, is coded as what is expected of it where it is lit (:mod:`.lobes`: 29
 weights a colour, a bit for every light) and a remainder (:mod:`.remainder`), which is coded the more exactly the larger
-the file may be. Depth is kept as it is, normals to 1/32767. Not kept: truth, layers of the shape, the background of
+the file may be. Depth is kept as it is, normals to 1/8191. Not kept: truth, layers of the shape, the background of
 the pictures, and which values were saturated; those are taken as expected.
 """
 
@@ -30,8 +30,8 @@ from .occlusion import AWAY, LIT, SHADOWED
 from .stack import FLOOR, Expected, arrange, expect, placed, surface, surrounded, unread, usable
 
 FORMAT = "lightsphere-relightable"
-VERSION = 1
-FINEST = 32767  # of a normal's components
+VERSION = 2
+FINEST = 8191  # of a normal's components
 STEPS = (255, 63, 15)  # of the root of a weight; the coarser, the fewer bytes there are for a light
 HALF_OF_ALL = 0.5  # of the bytes: what the weights leave for the remainder, where one of STEPS does
 OCTAVE = 4  # steps of a pixel's mean value
@@ -275,13 +275,11 @@ def _coded(mask: NDArray[np.bool_], shape: Shape, lights: Lights, arrays: Arrays
 def _stored(shape: Shape, mask: NDArray[np.bool_]) -> Arrays:
     """Return what is kept of a mask and the shape of its pixels."""
     known = shape.within(mask)
-    low, high = remainder.apart(np.round(FINEST * np.nan_to_num(known.normal[mask])).T)
     return {
         "mask": np.packbits(mask),
-        "depth": known.depth[mask],
-        "confidence": np.round(255 * known.confidence[mask]).astype(np.uint8),
-        "normal_low": low,
-        "normal_high": high,
+        "depth": changes(known.depth[mask].view(np.int32)),
+        "confidence": changes(np.round(255 * known.confidence[mask])),
+        "normal": changes(np.round(FINEST * np.nan_to_num(known.normal[mask])).T),
     }
 
 
@@ -289,10 +287,10 @@ def _shape(camera: Camera, mask: NDArray[np.bool_], arrays: Arrays) -> Shape:
     """Return the shape that is stored, of normals that are not quite those of the one that was given."""
     depth, confidence = np.full((2, *mask.shape), np.nan, np.float32)
     normal = np.full((*mask.shape, 3), np.nan, np.float32)
-    depth[mask] = arrays["depth"]
+    depth[mask] = sums(arrays["depth"]).view(np.float32)
     confidence[:] = 0.0
-    confidence[mask] = arrays["confidence"] / np.float32(255)
-    steps = remainder.joined(arrays["normal_low"], arrays["normal_high"]).T.astype(np.float32)
+    confidence[mask] = sums(arrays["confidence"]) / np.float32(255)
+    steps = sums(arrays["normal"]).T.astype(np.float32)
     length = np.linalg.norm(steps, axis=-1, keepdims=True)
     normal[mask] = np.where(length > 0, steps / np.maximum(length, 1), np.nan)
     return Shape(camera, depth, normal, confidence)
@@ -322,3 +320,20 @@ def _weights(arrays: Arrays) -> NDArray[np.float32]:
     steps = arrays["weights"].transpose(2, 0, 1).copy()
     steps[..., 0::2] += steps[..., 1:2]
     return np.asarray(np.square(steps, dtype=np.float32) * arrays["top"][:, None], np.float32)
+
+
+def changes(numbers: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return whole numbers (..., P) as the bytes of their change from pixel to pixel (4, ..., P), the lowest first.
+
+    A change c is kept as 2 c or, below 0, as -2 c - 1: the upper bytes of small ones are 0 and take no room.
+    """
+    change = np.diff(numbers.astype("<i4"), axis=-1, prepend=np.int32(0))  # modulo 2^32
+    folded = np.ascontiguousarray((change << 1) ^ (change >> 31))
+    return np.ascontiguousarray(np.moveaxis(folded[..., None].view(np.uint8), -1, 0))
+
+
+def sums(changes: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return the numbers of :func:`changes`."""
+    folded = np.ascontiguousarray(np.moveaxis(changes, 0, -1)).view("<u4")[..., 0]
+    change = (folded >> 1).astype(np.int32) ^ -(folded & 1).astype(np.int32)
+    return np.asarray(np.cumsum(change, axis=-1, dtype=np.int32))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,17 @@ def test_a_file_relights_like_its_capture(made: tuple[Capture, Shape], tmp_path:
     assert told["coded_rel_rmse"] < 0.01
     assert np.array_equal(np.isfinite(shape.depth), np.isfinite(made[1].depth))
     assert np.nanmax(np.abs(shape.depth - made[1].depth)) == 0.0
+
+
+def test_changes_from_pixel_to_pixel_are_exact_and_take_less_room() -> None:
+    whole = np.iinfo(np.int32)
+    numbers = np.array([[0, -1, whole.max, whole.min, whole.max, 7], [whole.min, 0, 1, -1, 255, -256]], np.int32)
+    assert np.array_equal(compact.sums(compact.changes(numbers)), numbers)
+    depth = (4.0 + np.sin(np.linspace(0.0, 9.0, 5000))).astype(np.float32)
+    coded = compact.changes(depth.view(np.int32))
+    assert compact.sums(coded).view(np.float32).tobytes() == depth.tobytes()
+    assert len(zlib.compress(coded.tobytes())) < 0.8 * len(zlib.compress(depth.tobytes()))
+    assert (compact.changes(np.array([3, 2, 4, 4], np.int32))[1:] == 0).all()  # falling ones need no upper bytes either
 
 
 def test_what_is_not_expected_of_a_surface_is_kept_too(made: tuple[Capture, Shape], tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.core.camera import Camera
 from pipeline.core.progress import finish
 from pipeline.core.relight.interpolant import HALFWAY
-from pipeline.core.relight.occlusion import BEYOND, EMPTY, LIT, SHADOWED, Space, carved, opacity
+from pipeline.core.relight.occlusion import BEYOND, EMPTY, LIT, MOST, SHADOWED, Space, carved, opacity
 from pipeline.core.rig import hemisphere
 
 SIDE = 48
@@ -66,8 +66,12 @@ def opacities(scene: Scene, light: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([opacity(point, u, ahead, end, space.codes, space.frames) for point, u, ahead, end in rows])
 
 
-@pytest.mark.parametrize("model", ["pinhole", "orthographic"])
-def test_shadows_between_the_lights_are_where_the_ball_casts_them(model: str) -> None:
+@pytest.mark.parametrize(("model", "most"), [("pinhole", MOST), ("orthographic", MOST), ("pinhole", 75)])
+def test_shadows_between_the_lights_are_where_the_ball_casts_them(
+    model: str, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where voxels are twice as wide, and each grid is carved by a third of the pixels."""
+    monkeypatch.setattr("pipeline.core.relight.occlusion.MOST", most)
     scene = seen_from(model, ball_is_seen=True)
     floor, points = scene.on_floor, scene.points
     wrong, wrong_by_nearest, shadows = 0, 0, 0
