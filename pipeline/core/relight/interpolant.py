@@ -266,13 +266,15 @@ def add_light(  # type: ignore[no-untyped-def]
             elif distances[0] < MEET:
                 visible = 1.0 if kinds[p, nearest[0]] == LIT else 0.0
             else:
-                for k in range(3):
-                    turned[k] = rotation[0, k] * u[0] + rotation[1, k] * u[1] + rotation[2, k] * u[2]
-                blocked = opacity(local[p], turned, ahead[p], far, codes, frames)
+                lean = 0.0
+                if hidden > 0.0:
+                    for k in range(3):
+                        turned[k] = rotation[0, k] * u[0] + rotation[1, k] * u[1] + rotation[2, k] * u[2]
+                    blocked = opacity(local[p], turned, ahead[p], far, codes, frames)
+                    lean = LEAN * hidden / dark * (HALFWAY - blocked)
                 visible = visibility(
-                    p, u, points, lights, kinds, around, offsets, reach, nearest, widest,
-                    LEAN * hidden / dark * (HALFWAY - blocked), matrix, right,
-                )  # fmt: skip
+                    p, u, points, lights, kinds, around, offsets, reach, nearest, widest, lean, matrix, right
+                )
             for k in range(3):
                 value = 0.0
                 if visible > 0.0:
