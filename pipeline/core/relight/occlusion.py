@@ -83,13 +83,19 @@ def span(point: Any, u: Any, frame: Any, count: Any) -> Any:
 
 
 @kernel
-def voxel(point: Any, u: Any, s: Any, frame: Any, count: Any) -> Any:
-    """Return the index of the voxel at a distance s along a line."""
-    index = 0
-    for k in range(3):
-        at = int((point[k] + s * u[k] - frame[k]) / frame[3])
-        index = index * count + min(max(at, 0), count - 1)
-    return index
+def in_voxels(point: Any, u: Any, frame: Any) -> Any:
+    """Return where a line starts and how far a metre on it goes, from the grid's corner, in voxels."""
+    x, y, z = (point[0] - frame[0]) / frame[3], (point[1] - frame[1]) / frame[3], (point[2] - frame[2]) / frame[3]
+    return x, y, z, u[0] / frame[3], u[1] / frame[3], u[2] / frame[3]
+
+
+@kernel
+def voxel(line: Any, s: Any, count: Any) -> Any:
+    """Return the index of the voxel at a distance s along a line of :func:`in_voxels`."""
+    i = min(max(int(line[0] + s * line[3]), 0), count - 1)
+    j = min(max(int(line[1] + s * line[4]), 0), count - 1)
+    k = min(max(int(line[2] + s * line[5]), 0), count - 1)
+    return (i * count + j) * count + k
 
 
 @kernel
@@ -97,9 +103,9 @@ def write(point: Any, u: Any, start: Any, end: Any, code: Any, codes: Any, frame
     """Write a code into the voxels on a line between two distances; what is empty stays so."""
     flat, count = codes.reshape(-1), len(codes)
     enter, leave = span(point, u, frame, count)
-    s, end = max(start, enter), min(end, leave)
+    s, end, line = max(start, enter), min(end, leave), in_voxels(point, u, frame)
     while s < end:
-        at = voxel(point, u, s, frame, count)
+        at = voxel(line, s, count)
         if flat[at] != EMPTY:
             flat[at] = code
         s += STEP * frame[3]
@@ -110,9 +116,9 @@ def total(point: Any, u: Any, start: Any, end: Any, worth: Any, most: Any, codes
     """Return the sum of what the codes are worth at the steps of a line between two distances, at most so much."""
     flat, count = codes.reshape(-1), len(codes)
     enter, leave = span(point, u, frame, count)
-    s, end, found = max(start, enter), min(end, leave), 0.0
+    s, end, found, line = max(start, enter), min(end, leave), 0.0, in_voxels(point, u, frame)
     while s < end and found < most:
-        found += worth[flat[voxel(point, u, s, frame, count)]]
+        found += worth[flat[voxel(line, s, count)]]
         s += STEP * frame[3]
     return min(found, most)
 
