@@ -220,25 +220,25 @@ def carved(
     codes = np.full((grids, count, count, count), UNKNOWN, np.uint8)
     depth = np.full(camera.resolution[::-1], np.inf)
     depth[tuple(place)] = distance
-    ahead, shadows = AHEAD * pixel, np.empty_like(kinds)
+    ahead = AHEAD * pixel
     shares = min(grids, int((width / finest) ** 2))
     is_explained = np.zeros(kinds.shape, bool)
     for g in range(grids):
         look_through(depth, camera.focal, camera.centre, camera.model == "pinhole", width, codes[g], frames[g])
         own = slice(g % shares, None, shares)
-        seen = (local[own], shining, kinds[own])
-        yield from _carve(g * PASSES, seen, ahead[own], codes[g], frames[g], shadows[own])
-        is_explained[own] |= shadows[own] > 0
+        shadows = yield from _carve(g * PASSES, local[own], kinds[own], ahead[own], shining, codes[g], frames[g])
+        is_explained[own] |= shadows > 0
     kinds[(kinds == SHADOWED) & ~is_explained] = BEYOND
     return Space(codes, frames, local, ahead, rotation)
 
 
-def _carve(  # type: ignore[no-untyped-def]
-    done, seen, ahead, codes, frame, shadows
-) -> Work[None]:
-    """Draw into one grid what points see of lights, by their kinds, and return in ``shadows`` which it explains."""
+def _carve(
+    done: int, points: Any, kinds: Any, ahead: Any, lights: Any, codes: Any, frame: Any
+) -> Work[NDArray[np.uint8]]:
+    """Draw into one grid what points see of lights, and return the codes of the shadows that it explains, (P, L)."""
     passes = len(SHIFTS) * PASSES
-    points, lights, kinds = seen
+    points, kinds, ahead = (np.ascontiguousarray(array) for array in (points, kinds, ahead))  # as kernels know them
+    shadows = np.empty(kinds.shape, np.uint8)
     draw_lines(points, lights, kinds, LIT, EMPTY, ahead, codes, frame)
     yield Progress("carve", done + 1, passes, "passes")
     measure_shadows(points, lights, kinds, ahead, codes, frame, shadows)
@@ -246,3 +246,4 @@ def _carve(  # type: ignore[no-untyped-def]
     for code in range(UNKNOWN + 1, len(DENSITY)):  # the surest last
         draw_lines(points, lights, shadows, code, code, ahead, codes, frame)
         yield Progress("carve", done + code + 1, passes, "passes")
+    return shadows
