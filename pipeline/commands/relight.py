@@ -218,7 +218,7 @@ def asked_for(
 ) -> list[Emitter]:
     """Return the emitters of the options that shine together."""
     found = [emitters.point(place, [strength or usual(centre, place)] * 3) for place, strength in map(four, points)]
-    found += [emitters.distant(towards, [strength or np.pi] * 3) for towards, strength in map(four, directions)]
+    found += [emitters.distant(towards, [strength or np.pi] * 3) for towards, strength in map(heading, directions)]
     if map_file is not None:
         found += environment.emitters_of(read_map(map_file))
     if scene is not None:
@@ -242,11 +242,19 @@ def four(words: str) -> tuple[list[float], float | None]:
         numbers = [float(word) for word in words.replace(",", " ").split()]
     except ValueError:
         numbers = []
-    if len(numbers) not in (3, 4) or not np.isfinite(numbers).all() or not np.any(numbers[:3]):
+    if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
         raise LightsphereError(f'{words!r} is no light; write "X Y Z" or "X Y Z STRENGTH" in quotes')
     if len(numbers) == 4 and not numbers[3] > 0:
         raise LightsphereError(f"{words!r} has no positive strength; correct the fourth number")
     return numbers[:3], numbers[3] if len(numbers) == 4 else None
+
+
+def heading(words: str) -> tuple[list[float], float | None]:
+    """Read "X Y Z" or "X Y Z STRENGTH" of a distant light."""
+    towards, strength = four(words)
+    if not any(towards):
+        raise LightsphereError(f'{words!r} is no direction; write which way the light is, as in "0 0 1" for above')
+    return towards, strength
 
 
 def usual(centre: NDArray[np.float64], place: Sequence[float]) -> float:

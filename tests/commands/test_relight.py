@@ -108,7 +108,9 @@ def test_a_film_is_encoded(folder: Path, tmp_path: Path) -> None:
     [
         (["shape"], "no light is given"),
         (["shape", "--point", "0 0 0.4"], "inside the object"),
+        (["shape", "--point", "0 0 0"], "inside the object"),
         (["shape", "--point", "1 2"], "is no light"),
+        (["shape", "--distant", "0 0 0"], "is no direction"),
         (["shape", "--point", "1 2 3 -1"], "no positive strength"),
         (["shape", "--environment", "nan.exr"], "not numbers"),
         (["shape", "--environment", "negative.exr"], "negative light"),

@@ -60,14 +60,15 @@ def relit(prepared: Stack | Expected, emitters: Sequence[Emitter]) -> Work[NDArr
 def check_outside(shape: Shape, emitters: Sequence[Emitter]) -> None:
     """Raise LightsphereError when a near emitter stands inside the object, as far as one view can tell.
 
-    That is: behind the recovered surface by less than the object's outline is beside it, the half width of what is
-    as thick as it is wide.
+    What is unseen is taken to be as thick as it is wide: behind the surface the object goes on by the depth of the
+    balls that its outline holds, each as large as the outline is far from its centre.
     """
     known = np.isfinite(shape.depth)
     origins, directions = (rays[known] for rays in shape.camera.rays())
     depth = shape.depth[known].astype(np.float64)
     width = shape.camera.pixel_size(depth)
-    thickness = distance_transform_edt(np.pad(known, 1))[1:-1, 1:-1][known] * width
+    pixels = np.argwhere(known)
+    radius = distance_transform_edt(np.pad(known, 1))[1:-1, 1:-1][known]
     for emitter in emitters:
         if emitter.distant:
             continue
@@ -75,6 +76,10 @@ def check_outside(shape: Shape, emitters: Sequence[Emitter]) -> None:
         along = (to * directions).sum(axis=1)
         beside = np.linalg.norm(to - along[:, None] * directions, axis=1)
         at = int(np.argmin(beside))
-        if beside[at] < width[at] and 0 < along[at] - depth[at] < thickness[at]:
+        if beside[at] >= width[at] or along[at] <= depth[at]:
+            continue
+        half = (along[at] - depth[at]) / 2
+        deepest = np.sqrt((radius**2 - ((pixels - pixels[at]) ** 2).sum(axis=1)).max())
+        if half < deepest * shape.camera.pixel_size(depth[at] + half):
             place = ", ".join(f"{x:.3g}" for x in emitter.place)
             raise LightsphereError(f"the light at ({place}) is inside the object; move it out")

@@ -176,8 +176,15 @@ def test_the_moving_light_comes_from_infinity_turns_and_leaves(glossy: tuple[Cap
 
 def test_a_light_inside_the_object_is_told(glossy: tuple[Capture, Shape]) -> None:
     check_outside(glossy[1], [near(np.array([0.0, 0.0, 0.9])), distant([0, 0, 1], [1, 1, 1])])
-    with pytest.raises(LightsphereError, match="inside the object"):
-        check_outside(glossy[1], [near(np.array([0.1, 0.0, 0.3]))])
+    for share in (-0.85, -0.5, 0.0, 0.5, 0.95):  # a pixel is 0.125 wide
+        with pytest.raises(LightsphereError, match="inside the object"):
+            check_outside(glossy[1], [near(np.array([0.1, 0.0, share * synthetic.RADIUS]))])
+
+
+def test_a_light_behind_the_object_is_none_inside(glossy: tuple[Capture, Shape]) -> None:
+    behind = [[0.0, 0.0, -0.9], [0.5, 0.1, -0.75], [0.1, 0.0, -3.0]]
+    check_outside(glossy[1], [near(np.array(place)) for place in behind])
+    check_outside(synthetic.bowl(synthetic.camera(SIZE), 60.0), [near(np.zeros(3))])
 
 
 def test_a_shape_of_another_capture_is_told(glossy: tuple[Capture, Shape]) -> None:
