@@ -16,6 +16,7 @@ from . import (
     rig_overlay,
     runs,
     translations,
+    view_operators,
 )
 
 CLASSES = (
@@ -23,6 +24,7 @@ CLASSES = (
     *preferences.CLASSES,
     *operators.CLASSES,
     *group_operators.CLASSES,
+    *view_operators.CLASSES,
     *files.CLASSES,
     *panels.CLASSES,
     *rig_gizmos.CLASSES,

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import json
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -28,16 +29,26 @@ _items: list[tuple[str, str, str]] = []  # of the menu: Blender wants them to li
 
 def errors(folder: Path) -> dict[str, float]:
     """Return the relative RMSE of each kind of pictures in a comparison, none where there is no comparison."""
+    return {name: one["relight_rel_rmse"] for name, one in _figures(folder).items()}
+
+
+def errors_of_bases(scene: bpy.types.Scene) -> dict[str, float]:
+    """Return the relative RMSE of the chosen pictures where the asset shows most of each basis; none for one."""
+    figures = _figures(_folder(scene))
+    return dict(figures[scene.lightsphere.view_kind]["bases"]) if scene.lightsphere.view_kind in figures else {}
+
+
+def _figures(folder: Path) -> dict[str, dict[str, Any]]:
     path = folder / FIGURES
-    return _errors(path, path.stat().st_mtime_ns) if path.is_file() else {}
+    return _read(path, path.stat().st_mtime_ns) if path.is_file() else {}
 
 
 @functools.lru_cache(maxsize=16)
-def _errors(path: Path, written: int) -> dict[str, float]:
-    """Return the same for figures of known age: panels ask with every redraw."""
+def _read(path: Path, written: int) -> dict[str, dict[str, Any]]:
+    """Return the figures of known age of every kind of pictures: panels ask with every redraw."""
     try:
-        figures = json.loads(path.read_text(encoding="utf-8"))
-        return {name: one["relight_rel_rmse"] for name, one in figures["comparisons"].items()}
+        found = json.loads(path.read_text(encoding="utf-8"))["comparisons"]
+        return {name: {"bases": {}, **one, "relight_rel_rmse": one["relight_rel_rmse"]} for name, one in found.items()}
     except BROKEN_JSON:  # damaged, so there is none
         return {}
 

@@ -6,7 +6,7 @@ import bpy
 
 from ..pipeline.core.capture_settings import CaptureSettings
 from ..pipeline.core.errors import LightsphereError
-from . import comparison, costs, layers, live, results, runs, settings, stages, windows
+from . import costs, layers, results, runs, settings, stages, windows
 from .stages import STAGES
 
 INTERVAL = 0.1  # [s] between two looks at the worker
@@ -322,36 +322,6 @@ class LIGHTSPHERE_OT_preset(Acting, bpy.types.Operator):
         costs.apply(stage, context.scene, self.preset)
 
 
-class LIGHTSPHERE_OT_relight_live(bpy.types.Operator):
-    """Keep the relit picture up to date while you move the lights of this scene; press again to end it"""
-
-    bl_idname = "lightsphere.relight_live"
-    bl_label = "Relight Live"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, "" if live.session else STAGES["relight"].lacks(context.scene))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start or end it."""
-        if live.session is None:
-            live.start(context.scene)
-        else:
-            live.stop()
-        return {"FINISHED"}
-
-
-class LIGHTSPHERE_OT_view_comparison(Acting, bpy.types.Operator):
-    """Show the comparison in the Image Editors that are open"""
-
-    bl_idname = "lightsphere.view_comparison"
-    bl_label = "Show in Image Editor"
-
-    def act(self, context: bpy.types.Context) -> None:
-        """Show it."""
-        comparison.show(context.scene)
-
-
 def allowed(operator: type, reason: str) -> bool:
     """Return whether a button can be pressed; where not, its tooltip says why."""
     if reason:
@@ -384,6 +354,4 @@ CLASSES = (
     LIGHTSPHERE_OT_compare,
     LIGHTSPHERE_OT_estimate,
     LIGHTSPHERE_OT_preset,
-    LIGHTSPHERE_OT_relight_live,
-    LIGHTSPHERE_OT_view_comparison,
 )

@@ -159,6 +159,10 @@ class LIGHTSPHERE_PT_material(StagePanel, bpy.types.Panel):
     bl_label = "Material"
     stage = "material"
 
+    def draw_results(self, context: bpy.types.Context) -> None:
+        if results.assets(context.scene):
+            self.layout.operator("lightsphere.show_bases", icon="MATERIAL")
+
 
 class LIGHTSPHERE_PT_relight(StagePanel, bpy.types.Panel):
     """The captured picture under the scene's lights."""
@@ -271,6 +275,11 @@ def draw_view(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     for kind, error in comparison.errors(stages.given(scene, "comparison_folder")).items():
         row = layout.row()
         row.label(text=kind.replace("_", " ").title())
+        row.label(text=f"{100 * error:.2g} %", translate=False)
+    for name, error in comparison.errors_of_bases(scene).items():
+        row = layout.row()
+        row.active = False
+        row.label(text=name.capitalize(), translate=False)
         row.label(text=f"{100 * error:.2g} %", translate=False)
 
 

@@ -14,7 +14,7 @@ from ..pipeline.core.relight import RelightSettings
 from ..pipeline.core.shape.settings import ShapeSettings
 from . import comparison, layers, plan, results, settings
 
-OF_RIG = ("inner", "outer", "radius_inner", "radius_outer")  # settings that the scene's rig follows
+OF_RIG = ("inner", "outer", "radius_inner", "radius_outer", "power")  # settings that the scene's rig follows
 
 LIGHTSPHERE_PG_capture = settings.group(
     CaptureSettings, "LIGHTSPHERE_PG_capture", dict.fromkeys(OF_RIG, results.follow)

@@ -1,4 +1,4 @@
-"""Handles for the radii of the rig's spheres, while its object is active."""
+"""Handles for the radii of the rig's spheres and the power of its lights, while its object is active."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from mathutils import Matrix, Vector
 
 from ..pipeline.blender import rig
 
-HANDLES = (("radius_inner", "X", (1.0, 0.85, 0.4)), ("radius_outer", "Z", (0.4, 0.8, 1.0)))  # setting, axis, colour
+HANDLES = (  # setting, axis that the arrow stands along, colour
+    ("radius_inner", Vector((1.0, 0.0, 0.0)), (1.0, 0.85, 0.4)),
+    ("radius_outer", Vector((0.0, 0.0, 1.0)), (0.4, 0.8, 1.0)),
+    ("power", Vector((0.0, 1.0, 0.0)), (1.0, 1.0, 0.9)),  # a metre for 1
+)
 
 
 class LIGHTSPHERE_GGT_rig(bpy.types.GizmoGroup):
-    """An arrow from the spheres' centre to each of them."""
+    """Arrows from the spheres' centre: to each of them, and one as long as the lights are strong."""
 
     bl_idname = "LIGHTSPHERE_GGT_rig"
     bl_label = "Light Rig"
@@ -40,8 +44,7 @@ class LIGHTSPHERE_GGT_rig(bpy.types.GizmoGroup):
         item = context.active_object
         centre = item.matrix_world @ Matrix.Translation(-Vector(item[rig.OFFSET]))
         for arrow, (_, axis, _) in zip(self.arrows, HANDLES, strict=True):
-            turn = Matrix.Rotation(1.5707963, 4, "Y") if axis == "X" else Matrix.Identity(4)
-            arrow.matrix_basis = centre @ turn
+            arrow.matrix_basis = centre @ Vector((0.0, 0.0, 1.0)).rotation_difference(axis).to_matrix().to_4x4()
 
 
 CLASSES = (LIGHTSPHERE_GGT_rig,)

@@ -21,7 +21,7 @@ from ..core.compare.pictures import Comparison
 from ..core.errors import LightsphereError
 from ..core.lights import Lights
 from ..core.progress import Progress, Work, retold
-from . import asset, cycles, geometry, scene, truth, views
+from . import asset, bases, cycles, geometry, scene, truth, views
 from .camera import add_camera
 
 Pictures = NDArray[np.float32]
@@ -96,11 +96,15 @@ def compare(path: Path, capture: Capture, true: str | None, settings: CompareSet
         references = yield from _rendered(loaded, new, SEEDS[:2], 0, total)
         add_camera(loaded, new[-1].camera)
         masks[-1] = truth.object_mask(loaded, new[-1].camera)
-    shown = yield from _rendered(_with_asset(path, true), [captured, *new], SEEDS[2:], ahead, total)
+    furnished = _with_asset(path, true)
+    shown = yield from _rendered(furnished, [captured, *new], SEEDS[2:], ahead, total)
     # the captured pictures have as many samples as the asset's
     references.insert(0, Halves(np.stack([capture.image(light) for light in chosen]), shown[0].noise))
-    sides = zip([captured, *new], shown, references, masks, strict=True)
-    return [_compared(one, a, b, mask) for one, a, b, mask in sides]
+    parts = [_bases(furnished, captured.camera)] * (1 + len(new))
+    if new:
+        parts[-1] = _bases(furnished, new[-1].camera)
+    sides = zip([captured, *new], shown, references, masks, parts, strict=True)
+    return [_compared(*side) for side in sides]
 
 
 def true_scene(capture: Capture, wanted: Path | None) -> str | None:
@@ -200,14 +204,26 @@ def _with_asset(path: Path, true: str | None) -> bpy.types.Scene:
     return loaded
 
 
-def _compared(one: Setting, shown: Halves, reference: Halves, mask: NDArray[np.bool_]) -> Comparison:
+def _bases(furnished: bpy.types.Scene, camera: Camera) -> dict[str, NDArray[np.bool_]]:
+    """Return where a camera shows most of each basis of the asset."""
+    add_camera(furnished, camera)
+    return bases.shown(furnished, camera)
+
+
+def _compared(
+    one: Setting,
+    shown: Halves,
+    reference: Halves,
+    mask: NDArray[np.bool_],
+    parts: dict[str, NDArray[np.bool_]],
+) -> Comparison:
     """Return the pictures under those lights that reach the object, and the RMS of both noises over the reference's."""
     lit = (reference.pictures[:, mask] > 0).any(axis=(1, 2))
     if not lit.any():
         raise LightsphereError(
             f"{one.words}: none of {len(lit)} reaches what the camera sees; choose more with --lights"
         )
-    parts = (shown.noise, reference.noise, reference.pictures)
-    first, second, whole = (float(np.mean(np.square(part[lit][:, mask], dtype=np.float64))) for part in parts)
+    sides = (shown.noise, reference.noise, reference.pictures)
+    first, second, whole = (float(np.mean(np.square(side[lit][:, mask], dtype=np.float64))) for side in sides)
     noise = float(np.sqrt((first + second) / whole))
-    return Comparison(one.name, one.words, shown.pictures[lit], reference.pictures[lit], mask, noise)
+    return Comparison(one.name, one.words, shown.pictures[lit], reference.pictures[lit], mask, noise, parts)

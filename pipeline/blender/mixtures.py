@@ -72,6 +72,53 @@ def mixture_material(name: str, surface: Surface, normal_map: NDArray[np.float32
     return material
 
 
+def basis_material(name: str, asset: bpy.types.Material, number: int) -> bpy.types.Material:
+    """Make a material that shows one basis of an asset's alone, from 1, as its sliders stand now.
+
+    Where the weights carry the colour, it is that of the weight map's mean.
+    """
+    shown = group_of(asset)
+    material = new_material(name)
+    graph = Graph(material.node_tree)
+    node = graph.add("ShaderNodeGroup", 2, 0, width=260.0, node_tree=shown.node_tree, label=GROUP)
+    for there, here in zip(shown.inputs, node.inputs, strict=True):
+        if not there.is_linked:
+            here.default_value = there.default_value
+    weights = weight_maps(shown)
+    for k, weight in enumerate(weights, start=1):
+        mean = weight.reshape(-1, 3).mean(axis=0) if k == number else np.zeros(3)
+        full = mean / max(mean.max(), 1e-30)
+        socket = node.inputs[_weight(k)]
+        socket.default_value = (*map(float, full), 1.0) if socket.type == "RGBA" else float(full.max())
+    graph.feed(graph.add("ShaderNodeOutputMaterial", 4, 0).inputs["Surface"], node.outputs["Surface"])
+    return material
+
+
+def group_of(material: bpy.types.Material) -> Any:
+    """Return the node of a material's bases, None where it has none."""
+    nodes = material.node_tree.nodes if material.node_tree else ()
+    return next((node for node in nodes if node.label == GROUP), None)
+
+
+def weight_maps(node: Any) -> list[NDArray[np.float32]]:
+    """Return the weight map (H, W, 3) of every basis of :func:`group_of`; (1, 1, 3) where it is even."""
+    maps = []
+    while _weight(len(maps) + 1) in node.inputs:
+        socket = node.inputs[_weight(len(maps) + 1)]
+        if not socket.is_linked:
+            maps.append(np.broadcast_to(np.float32(socket.default_value), 4)[None, None, :3])
+            continue
+        source = socket.links[0].from_socket
+        if source.node.type == "SEPARATE_COLOR":
+            channel = list(source.node.outputs).index(source)
+            source = source.node.inputs[0].links[0].from_socket
+        else:
+            channel = 3 if source.name == "Alpha" else None
+        values = pixels.array(source.node.image)
+        maps.append(values[..., :3] if channel is None else values[..., channel : channel + 1].repeat(3, axis=-1))
+    return maps
+
+
 def mixture_group(name: str, mixture: Mixture, coloured: bool, normal_map: bool) -> bpy.types.NodeTree:
     """Make the group of a mixture.
 

@@ -110,8 +110,8 @@ def filled(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def array(image: bpy.types.Image) -> NDArray[np.float32]:
-    """Return an image's colours as (H, W, 3) float32, rows top-down."""
+    """Return an image's colours and alpha as (H, W, C) float32, rows top-down."""
     width, height = image.size
     flat = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(flat)
-    return flat.reshape(height, width, image.channels)[::-1, :, :3].copy()
+    return flat.reshape(height, width, image.channels)[::-1].copy()

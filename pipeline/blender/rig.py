@@ -45,7 +45,7 @@ def add(scene: bpy.types.Scene, lights: Lights, settings: CaptureSettings) -> bp
 
 
 def follow(item: bpy.types.Object, settings: CaptureSettings) -> None:
-    """Give a rig object of spheres the radii and counts of other settings; it stays where it was moved to.
+    """Give a rig object of spheres the radii, counts and power of other settings; it stays where it was moved to.
 
     Raises
     ------

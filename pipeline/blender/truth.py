@@ -19,13 +19,14 @@ from . import cycles, exr
 from .geometry import BACKDROP
 
 FILES = ("truth.exr", "mask.exr")
-PASSES = ("use_pass_combined", "use_pass_position", "use_pass_normal")
+PASSES = ("use_pass_combined", "use_pass_position", "use_pass_normal", "use_pass_uv")
 INDICES = ("use_pass_object_index", "use_pass_material_index")
 # One letter a channel, as Blender 4.5 and 5.2 end their names.
 SUFFIXES = {
     "combined": ("Combined.R", "Combined.G", "Combined.B"),
     "position": ("Position.X", "Position.Y", "Position.Z"),
     "normal": ("Normal.X", "Normal.Y", "Normal.Z"),
+    "uv": ("UV.U", "UV.V"),
     "object": (("IndexOB.X", "Object Index.X"),),
     "material": (("IndexMA.X", "Material Index.X"),),
 }
@@ -79,6 +80,8 @@ class FirstHits:
         Number of the group of surfaces, see :func:`groups`.
     position : (H, W, 3) float32
         In the world [m].
+    uv : (H, W, 2) float32
+        Texture coordinates by the mesh's active UV map.
     names : dict of int to str
         Of the groups.
     """
@@ -86,6 +89,7 @@ class FirstHits:
     is_object: NDArray[np.bool_]
     material: NDArray[np.int64]
     position: NDArray[np.float32]
+    uv: NDArray[np.float32]
     names: dict[int, str]
 
 
@@ -95,7 +99,7 @@ def first_hits(scene: bpy.types.Scene, camera: Camera) -> FirstHits:
         passes = _render(scene, camera, Path(folder))
     objects = passes["object"][..., 0]
     material, names = groups(scene, passes["material"][..., 0].astype(np.int64), objects > 0)
-    return FirstHits(objects == OBJECT_INDEX, material, passes["position"], names)
+    return FirstHits(objects == OBJECT_INDEX, material, passes["position"], passes["uv"], names)
 
 
 def groups(

@@ -22,6 +22,13 @@ class CaptureSettings:
     outer: int = setting(80, "lights on the outer surface", low=4, high=100_000)
     radius_inner: float = setting(2.0, "radius of the inner sphere", unit="m", low=1e-6, high=1e6)
     radius_outer: float = setting(3.0, "radius of the outer sphere", unit="m", low=1e-6, high=1e6)
+    power: float = setting(
+        1.0,
+        "strength of the lights: radiance of a white surface that faces one at the inner radius, or a distant one; "
+        "rig objects and files have their own",
+        low=1e-6,
+        high=1e6,
+    )
     resolution: int = setting(100, "width and height of the pictures", unit="px", low=4, high=16_384)
     effects: str = setting(
         "auto", "light transport to simulate, auto takes what the scene needs", choices=("auto", "direct", "full")

@@ -40,7 +40,7 @@ def lights_for(settings: CaptureSettings, centre: NDArray[np.float64], view: NDA
     if settings.rig in SPHERES:
         lights = double_sphere(settings, centre)
     elif settings.rig == "distant":
-        lights = distant(settings.inner, view)
+        lights = distant(settings.inner, view, settings.power)
     elif Path(settings.rig).is_file():
         lights = light_file.read(Path(settings.rig), centre)
     else:
@@ -55,8 +55,8 @@ def lights_for(settings: CaptureSettings, centre: NDArray[np.float64], view: NDA
 def double_sphere(settings: CaptureSettings, centre: NDArray[np.float64]) -> Lights:
     """Return the lights of two concentric spheres, or of their upper halves.
 
-    Every light has the radiant intensity I = pi r^2 [W/sr], r the inner radius: a white Lambertian surface that
-    faces it at the inner radius reflects a radiance of 1.
+    Every light has the radiant intensity I = p pi r^2 [W/sr], p the power and r the inner radius: a white Lambertian
+    surface that faces it at the inner radius reflects a radiance of p.
     """
     if not settings.radius_inner < settings.radius_outer:
         raise LightsphereError(
@@ -68,14 +68,14 @@ def double_sphere(settings: CaptureSettings, centre: NDArray[np.float64]) -> Lig
     inner = settings.radius_inner * spread(settings.inner)
     outer = settings.radius_outer * spread(settings.outer) @ turn.T
     position = np.concatenate([inner, outer]) + centre
-    intensity = np.full((len(position), 3), np.pi * settings.radius_inner**2)
+    intensity = np.full((len(position), 3), settings.power * np.pi * settings.radius_inner**2)
     return Lights("near", position, intensity, np.repeat([0, 1], [len(inner), len(outer)]))
 
 
-def distant(count: int, axis: NDArray[np.float64]) -> Lights:
-    """Return distant lights over the hemisphere about an axis, each of irradiance pi [W/m^2]."""
+def distant(count: int, axis: NDArray[np.float64], power: float) -> Lights:
+    """Return distant lights over the hemisphere about an axis, each of irradiance pi times the power [W/m^2]."""
     direction = hemisphere(count) @ to_axis(axis).T
-    return Lights("distant", direction, np.full((count, 3), np.pi), np.full(count, 2))
+    return Lights("distant", direction, np.full((count, 3), power * np.pi), np.full(count, 2))
 
 
 def sphere(count: int) -> NDArray[np.float64]:

@@ -20,7 +20,9 @@ Figures = dict[str, Any]
 def figures_of(comparison: Comparison) -> Figures:
     """Return ``relight_rel_rmse``, ``noise``, ``flip`` and ``ssim``, means over the lights and the object's pixels.
 
-    FLIP and SSIM are of what a screen shows, of an exposure at which one per cent of the reference's object is white.
+    ``bases`` is the relative RMSE, over all lights together, where the asset shows most of each of its bases; it is
+    empty for one. FLIP and SSIM are of what a screen shows, of an exposure at which one per cent of the reference's
+    object is white.
     """
     looks = [looks_of(a, b, comparison.mask) for a, b in zip(comparison.pictures, comparison.references, strict=True)]
     seen, alike = np.mean(looks, axis=0)
@@ -30,6 +32,7 @@ def figures_of(comparison: Comparison) -> Figures:
         "noise": comparison.noise,
         "flip": float(seen),
         "ssim": float(alike),
+        "bases": comparison.errors_of_parts,
     }
 
 
@@ -68,7 +71,13 @@ def report(name: str, capture: str, comparisons: Sequence[Comparison], found: Se
     )
     return html.page(
         f"Comparison of {name}",
-        [head, _table(comparisons, found, true), _maps(comparisons), *map(_section, comparisons)],
+        [
+            head,
+            _table(comparisons, found, true),
+            *_bases_table(comparisons, found),
+            _maps(comparisons),
+            *map(_section, comparisons),
+        ],
     )
 
 
@@ -95,6 +104,25 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[Figures], true: bo
             "and the asset stands alone: what its surroundings reflect onto it is missing."
         )
     return html.section("How close it is", html.table(heads, rows, range(1, 6)), html.text(words, "soft"))
+
+
+def _bases_table(comparisons: Sequence[Comparison], found: Sequence[Figures]) -> list[str]:
+    """Return the section on the bases of the asset's material, none where there is one alone."""
+    names = list(dict.fromkeys(name for one in found for name in one["bases"]))
+    if not names:
+        return []
+    rows = []
+    for name in names:
+        share = np.mean([(c.mask & c.parts[name]).sum() / c.mask.sum() for c in comparisons])
+        rows.append([name, _percent(float(share)), *(_percent(one["bases"].get(name, 0.0)) for one in found)])
+    heads = ("material", "of the pixels", *(c.words for c in comparisons))
+    words = (
+        "Relative RMSE, over all lights together, of the pixels that show more of one basis of the recovered material "
+        "than of the others."
+    )
+    return [
+        html.section("Which material errs", html.table(heads, rows, range(1, len(heads))), html.text(words, "soft"))
+    ]
 
 
 def _maps(comparisons: Sequence[Comparison]) -> str:

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from pipeline.blender import cycles, pixels
+from pipeline.blender import cycles, pixels, rig
 from pipeline.blender import scene as scenes
 from pipeline.blender.plan import effects
+from pipeline.core.settings import limits_of
 from tests.addon import ball_before_camera, part
 from tests.photographed import directions, lambert, listed, png
 
@@ -162,7 +163,7 @@ def test_capture_and_shape_are_kept_in_a_small_file(captured: bpy.types.Scene) -
 
 def test_relit_by_the_scene_s_lights(captured: bpy.types.Scene) -> None:
     assert bpy.ops.lightsphere.relight() == {"FINISHED"}
-    relit = pixels.array(bpy.data.images["relight_001"])
+    relit = pixels.array(bpy.data.images["relight_001"])[..., :3]
     height, width = relit.shape[:2]
     upper_right, lower_left = relit[: height // 2, width // 2 :].mean(), relit[height // 2 :, : width // 2].mean()
     assert upper_right > 2 * lower_left  # where the light stands
@@ -182,7 +183,7 @@ def test_the_relit_picture_follows_a_light(captured: bpy.types.Scene) -> None:
             live.tick()
             time.sleep(0.02)
         assert live.session.told == ""
-        return pixels.array(bpy.data.images[live.IMAGE])
+        return pixels.array(bpy.data.images[live.IMAGE])[..., :3]
 
     first = settled()
     light.location.x = -2.5
@@ -247,7 +248,9 @@ def test_the_rig_follows_radii_and_counts_where_it_was_moved_to(scene: bpy.types
     assert part("results").intersect(scene)
     assert len(item.data.vertices) == 70
     assert max(vertex.co.length for vertex in item.data.vertices) < 3.5
-    shown.radius_inner = 2.0
+    shown.radius_inner, shown.power = 2.0, 3.0
+    made = rig.lights_of(item)
+    np.testing.assert_allclose(made.intensity, 3 * np.pi * 2.0**2, rtol=1e-6)  # a white surface at 2 m reflects 3
     assert bpy.ops.lightsphere.capture() == {"FINISHED"}  # lights keep their intensities and surfaces
 
 
@@ -343,6 +346,7 @@ def test_labels_buttons_and_tooltips_are_translated(addon: None) -> None:
     classes = [
         *part("operators").CLASSES,
         *part("group_operators").CLASSES,
+        *part("view_operators").CLASSES,
         *part("files").CLASSES,
         *part("panels").CLASSES,
     ]
@@ -358,8 +362,15 @@ def test_labels_buttons_and_tooltips_are_translated(addon: None) -> None:
     settings = {name.replace("_", " ").title() for name in fields}
     named = (effects.SHADOWS, effects.FALL_OFF, *effects.SWITCHES, *effects.INSIDE, effects.NOISE, effects.SATURATION)
     planned = {name.capitalize() for name in named}
-    assert not (settings | planned | set(part("costs").WORDS.values())) - set(words)
+    choices = {
+        word.replace("-", " ").title()
+        for stage in part("stages").STAGES.values()
+        if hasattr(stage, "settings")
+        for item in dataclasses.fields(stage.settings)
+        for word in limits_of(item).choices
+    } - {"Acls", "Cycles", "Diligent", "Ggx", "Lp"}  # names
+    assert not (settings | choices | planned | set(part("costs").WORDS.values())) - set(words)
     folder = Path(part("stages").__file__).parent
     source = "".join(path.read_text() for path in folder.glob("*.py") if path.name != "translations.py")
-    known = settings | tips | planned | {"Draft", "Standard", "Final"}
+    known = settings | choices | tips | planned | {"Draft", "Standard", "Final"}
     assert not [key for key in words if f'"{key}' not in source and key not in known]  # what nobody shows

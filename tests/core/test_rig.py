@@ -68,6 +68,11 @@ def test_white_lambert_at_the_inner_radius_reflects_one() -> None:
     assert np.allclose(made.intensity / (np.pi * 1.7**2), 1)  # L = rho / pi * I / d^2
 
 
+@pytest.mark.parametrize("layout", ["double-sphere", "double-hemisphere", "distant"])
+def test_power_multiplies_what_lights_send(layout: str) -> None:
+    assert np.allclose(lights(rig=layout, power=2.5).intensity, 2.5 * lights(rig=layout).intensity, rtol=1e-12)
+
+
 def test_distant_lights_face_the_camera() -> None:
     view = np.array([0.6, -0.8, 0.0])
     made = rig.lights_for(CaptureSettings(rig="distant", inner=50), ORIGIN, view)

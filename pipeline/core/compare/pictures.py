@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ class Comparison:
         The pixels of the object, which alone count.
     noise : float
         What render noise of both sides adds to the relative RMSE; 0 for direct light.
+    parts : mapping of str to (H, W) bool, optional
+        Where the asset shows most of each of its bases, by their names.
     """
 
     name: str
@@ -39,12 +42,23 @@ class Comparison:
     references: NDArray[np.float32]
     mask: NDArray[np.bool_]
     noise: float = 0.0
+    parts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     @property
     def relative_rmse(self) -> float:
         """Mean over the lights of the relative RMSE."""
         pairs = zip(self.pictures, self.references, strict=True)
         return float(np.mean([relative_rmse(a, b, self.mask) for a, b in pairs]))
+
+    @property
+    def errors_of_parts(self) -> dict[str, float]:
+        """RMS of the difference over the references' RMS, over all lights and the pixels of each part that is lit."""
+        found = {}
+        for name, part in self.parts.items():
+            there = self.mask & part
+            if self.references[:, there].any():
+                found[name] = relative_rmse(self.pictures[:, there], self.references[:, there])
+        return found
 
     @property
     def error(self) -> NDArray[np.float64]:
