@@ -48,6 +48,8 @@ def steps() -> Iterator[float]:
     yield from escaped(scene)
     yield from estimated(scene, "capture", "draft")
     shot("presets")
+    yield from pressed("plan")
+    found["planned"] = [effect.name for effect in scene.lightsphere.plan if effect.simulated]
     yield from pressed("capture")
     look_from_camera(scene)
     yield from pressed("shape")
@@ -64,9 +66,14 @@ def steps() -> Iterator[float]:
     for stage in ("reflectance", "material"):
         yield from pressed(stage)
     shot("material")
+    assert press("show_bases") == {"FINISHED"}
+    look_around()
+    yield 2.0
+    shot("bases")
     yield from pressed("relight")
     shot("relight")
     yield from live(scene)
+    yield from pressed("keep")
     scene.lightsphere.compare.lights = 4
     yield from pressed("compare")
     scene.lightsphere.view_light = 3
@@ -76,6 +83,8 @@ def steps() -> Iterator[float]:
         scene.lightsphere.view = view
         yield 1.0
         shot(f"compare_{view}")
+    dropped(scene)
+    yield from inverted(scene)
 
 
 def set_up() -> bpy.types.Scene:
@@ -95,7 +104,12 @@ def set_up() -> bpy.types.Scene:
     shader = material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Base Color"].default_value = (0.75, 0.3, 0.12, 1.0)
     shader.inputs["Roughness"].default_value = 0.35
-    head.data.materials.append(material)
+    metal = material.copy()
+    metal.name, metal.node_tree.nodes["Principled BSDF"].inputs["Metallic"].default_value = "Metal", 1.0
+    for one in (material, metal):
+        head.data.materials.append(one)
+    for face in head.data.polygons:
+        face.material_index = int(face.center.z > 0.1)
     scene.camera.location, scene.camera.rotation_euler = (0.0, -4.0, 0.5), (1.45, 0.0, 0.0)
     light = next(item for item in scene.objects if item.type == "LIGHT")
     light.location, light.data.shadow_soft_size = (3.5, -3.0, 2.5), 0.0
@@ -114,6 +128,16 @@ def show_tab() -> Iterator[float]:
     region.active_panel_category = "Lightsphere"
     area.tag_redraw()
     yield 1.0
+
+
+def look_around() -> None:
+    """Let the viewport show all that is not hidden, as it is lit."""
+    area = next(area for area in window().screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    area.spaces[0].region_3d.view_perspective = "PERSP"
+    area.spaces[0].shading.type = "MATERIAL"
+    with bpy.context.temp_override(window=window(), area=area, region=region):
+        bpy.ops.view3d.view_all()
 
 
 def look_from_camera(scene: bpy.types.Scene) -> None:
@@ -242,6 +266,48 @@ def live(scene: bpy.types.Scene) -> Iterator[float]:
     yield 0.5
     shot("live")
     press("relight_live")
+
+
+def dropped(scene: bpy.types.Scene) -> None:
+    """Drop the first capture's file on the viewport."""
+    path = bpy.path.abspath(scene.lightsphere.capture_folder)
+    scene.lightsphere.capture_folder = ""
+    assert press("open_capture", filepath=str(Path(path) / "capture.json")) == {"FINISHED"}
+    assert Path(bpy.path.abspath(scene.lightsphere.capture_folder)) == Path(path)
+
+
+def inverted(scene: bpy.types.Scene) -> Iterator[float]:
+    """Take a photograph of the scene, recover its groups from it, apply one and take it back."""
+    photograph = Path(FOLDER) / "photograph.exr"
+    render = scene.render
+    render.engine, render.resolution_x, render.resolution_y, scene.cycles.samples = "CYCLES", 64, 48, 64
+    render.image_settings.file_format, render.filepath = "OPEN_EXR", str(photograph)
+    for item in scene.objects:  # the head alone, as it was before anything was recovered
+        item.hide_render = item.type == "MESH" and not item.name.startswith("Suzanne")
+    bpy.ops.render.render(write_still=True)
+    scene.lightsphere.photograph = str(photograph)
+    scene.lightsphere.inverse.budget = 20.0
+    assert press("list_groups") == {"FINISHED"}
+    yield from pressed("inverse")
+    groups = scene.lightsphere.groups
+    found["groups"] = {group.name: group.told for group in groups}
+    assert any(group.recovered for group in groups)
+    show_alone("LIGHTSPHERE_PT_inverse")
+    yield 1.0
+    shot("inverse")
+    assert press("apply_group") == {"FINISHED"} and any(group.is_applied for group in groups)
+    yield 0.5
+    assert press("apply_group", revert=True) == {"FINISHED"} and not any(group.is_applied for group in groups)
+
+
+def show_alone(name: str) -> None:
+    """Let the tab show one panel alone, unfolded."""
+    for panel in part("panels").CLASSES:
+        if getattr(panel, "bl_space_type", "") == "VIEW_3D":
+            bpy.utils.unregister_class(panel)
+    panel = getattr(part("panels"), name)
+    panel.bl_idname, panel.bl_options = f"{name}_alone", set()  # as another panel, which was never folded
+    bpy.utils.register_class(panel)
 
 
 def part(name: str) -> Any:

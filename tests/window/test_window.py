@@ -18,7 +18,20 @@ import pytest
 
 COMMAND, ARCHIVE = os.environ.get("LIGHTSPHERE_WINDOW", ""), os.environ.get("LIGHTSPHERE_ZIP", "")
 STOPPED_WITHIN = 2.0  # seconds after Esc
-PICTURES = ("rig", "presets", "running", "shape", "layer_normal", "profile", "material", "relight", "compare_split")
+STAGES = {"capture", "plan", "shape", "profile", "reflectance", "material", "relight", "keep", "compare", "inverse"}
+PICTURES = (
+    "rig",
+    "presets",
+    "running",
+    "shape",
+    "layer_normal",
+    "profile",
+    "material",
+    "relight",
+    "bases",
+    "compare_split",
+    "inverse",
+)
 
 
 @pytest.mark.slow
@@ -35,6 +48,6 @@ def test_every_stage_by_its_button(tmp_path: Path) -> None:
     found = json.loads((tmp_path / "window.json").read_text())
     print(json.dumps(found, indent=1))
     assert found["seconds_to_stop"] < STOPPED_WITHIN
-    assert set(found["stages"]) >= {"capture", "shape", "profile", "reflectance", "material", "relight", "compare"}
+    assert set(found["stages"]) >= STAGES
     for name in PICTURES:
         assert (tmp_path / f"{name}.png").stat().st_size > 50_000, name

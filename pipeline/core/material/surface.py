@@ -20,6 +20,7 @@ from .energy import directional_albedo
 from .fit import fit
 
 WHITE = np.ones(3)
+POSSIBLE = 2.0  # usual albedo beyond which a weight is no surface's, but a wrong pixel's
 FULL = 0.95  # share of a weight map's sum that lies in weights of at most 1
 TILE = 65536  # texels whose albedos are held at once
 
@@ -64,7 +65,8 @@ def surface(reflectance: Bivariate, lobes: int) -> Work[Surface]:
         When a basis is black.
     """
     known = np.isfinite(reflectance.weights).all(axis=(2, 3))
-    full = np.array([_full(weights) for weights in reflectance.weights[known].max(axis=-1).T])
+    strongest = reflectance.weights[known].max(axis=-1)
+    full = np.array([_full(weights, reflectance.basis(k)) for k, weights in enumerate(strongest.T)])
     scaled = dataclasses.replace(
         reflectance,
         table=reflectance.table * full[:, None],
@@ -113,11 +115,21 @@ def bases_of(recovered: Reflectance | Surface) -> tuple[Sequence[Brdf], NDArray[
     return bases, np.stack(weights, axis=2).astype(np.float32)
 
 
-def _full(weights: NDArray[np.float32]) -> float:
-    """Return the weight (P,) that becomes 1: few wrong pixels do not set it, nor is a basis of few pixels lost."""
-    ascending = np.sort(weights.astype(np.float64))
+def _full(weights: NDArray[np.float32], basis: Brdf) -> float:
+    """Return which of a basis's weights (P,) becomes 1: few wrong pixels do not set it, nor is one of few pixels lost.
+
+    A wrong pixel's may be thousands of times the others: none counts for more than a surface could have.
+    """
+    possible = POSSIBLE / _usual_albedo(basis)
+    ascending = np.sort(np.minimum(weights.astype(np.float64), possible))
     total = np.cumsum(ascending)
     return float(ascending[np.searchsorted(total, FULL * total[-1])]) or 1.0
+
+
+def _usual_albedo(basis: Brdf) -> float:
+    """Return the share of light that a basis returns to the usual view, in the colour that it returns most of."""
+    albedo = directional_albedo(lambda wi, wo: basis.evaluate(wi, wo) * wi[:, 2:])
+    return max(float(np.median(albedo, axis=0).max()), 1e-30)
 
 
 def _bounded(mixture: Mixture, weights: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
