@@ -68,7 +68,7 @@ def steps() -> Iterator[float]:
     shot("material")
     assert press("show_bases") == {"FINISHED"}
     look_around()
-    yield 2.0
+    yield 20.0  # shaders are compiled first
     shot("bases")
     yield from pressed("relight")
     shot("relight")
