@@ -30,6 +30,7 @@ Brdf = Callable[[Array, Array, Array], Array]
 MATT = np.array([0.3, 0.1, 0.05])
 SIZE = 24
 LEFT = np.arange(SIZE) < SIZE // 2
+ROUGH = 0.1  # of unit normals
 
 
 def bivariate(matt: Array, lobes: Sequence[tuple[float, float]], edge: float = 0.0) -> Brdf:
@@ -129,6 +130,20 @@ def test_two_materials_get_two_bases(shape: Shape, tmp_path: Path) -> None:
     leader = np.argmax(np.nan_to_num(both.weights[..., 0]) * both.table.mean(axis=(0, 1, 3)), axis=-1)
     assert set(leader[front & LEFT]).isdisjoint(leader[front & ~LEFT])
     assert fitted(shape, capture).notes["material_rel_rms"] > 2 * both.notes["material_rel_rms"]
+
+
+def test_a_material_of_few_pixels_keeps_a_basis_on_a_rough_shape(shape: Shape, tmp_path: Path) -> None:
+    """What no basis explains, as the normals are off, must not hide what a second one does."""
+    spot = (shape.normal[..., 0] > 0.4) & (shape.normal[..., 2] > 0.3)
+    assert 0.1 < spot.sum() / np.isfinite(shape.depth).sum() < 0.3
+
+    def spotted(normal: Array, wi: Array, wo: Array) -> Array:
+        return np.where(spot[:, :, None], COATED(normal, wi, wo), DULL(normal, wi, wo))
+
+    capture = draw(tmp_path, shape, spotted, synthetic.lights())
+    off = np.random.default_rng(7).normal(0, ROUGH, shape.normal.shape)
+    rough = dataclasses.replace(shape, normal=oracles.unit(shape.normal + off).astype(np.float32))
+    assert fitted(rough, capture, bases=2).table.shape[2] == 2
 
 
 def test_distant_lights_do_as_well(tmp_path: Path) -> None:

@@ -256,16 +256,6 @@ def minimise(band: NDArray[np.float64], moments: NDArray[np.float64], shape: tup
     stride = shape[1]
     size = 1.0 / np.sqrt(band[:, 0])
 
-    def falls(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        y = x.copy()
-        y[:-stride] -= x[stride:]
-        return y
-
-    def falls_transposed(z: NDArray[np.float64]) -> NDArray[np.float64]:
-        y = z.copy()
-        y[stride:] -= z[:-stride]
-        return y
-
     x = np.repeat(np.linspace(1.1, 1.0, shape[0]), stride) * float(np.median(np.maximum(moments * size**2, 1e-12)))
     slack = np.maximum(_falls(x, stride), 1e-3 * x)
     dual = max(1e-3 * abs(float(moments @ x)) / x.size, 1e-300) / slack

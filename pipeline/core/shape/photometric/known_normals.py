@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...progress import Work
 from ...reflectance.angles import difference_angles
-from .acls import Alternation, Options, alternate, usual
+from .acls import Alternation, Options, alternate
 from .foreseen import noise_of
 from .pixel import refine, settle
 from .sight import Sight
@@ -28,7 +28,7 @@ from .start import Start, begin
 NODES = (64, 13)  # more hardly gain: nodes at grazing light are reached by a handful of values
 FINE = 181  # nodes of the tables that are given out along theta_d; FINE - 1 is a multiple of the level ones' intervals
 LEAST_COSINE = 0.05  # as in the start's lobe
-ALIKE, LITTLE = 2.5, 0.01  # fewer bases are taken whose misfit is at most so many times that of all, and this more
+ALIKE, LITTLE = 1.25, 0.01  # fewer bases are taken whose misfit is at most so many times that of all, and this more
 TURNS = 3  # in which weights and certainty of a pixel settle under known tables
 
 
@@ -74,8 +74,8 @@ class Tables:
 def tabulate(sight: Sight, normals: NDArray[np.float64], bases: int) -> Work[Tables]:
     """Find the basis BRDFs of pixels of known normals.
 
-    Fewer bases are taken where they explain the usual pixel nearly as well: what a second basis adds to one material
-    is how it departs from a bivariate BRDF at some views.
+    Fewer bases are taken where they explain the pixels nearly as well in the mean: what a second basis adds to one
+    material is how it departs from a bivariate BRDF at some views. A material of few pixels counts in the mean.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def tabulate(sight: Sight, normals: NDArray[np.float64], bases: int) -> Work[Tab
     most = yield from _alternated(level, start, bases)
     for fewer in range(1, most[0].shape[2]):
         tried = yield from _alternated(level, start, fewer)
-        if usual(tried[0]) < ALIKE * usual(most[0]) + LITTLE:
+        if _mean_misfit(tried[0]) < ALIKE * _mean_misfit(most[0]) + LITTLE:
             return _tables(*tried)
     return _tables(*most)
 
@@ -131,6 +131,10 @@ def _alternated(sight: Level, start: Start, bases: int) -> Work[tuple[Alternatio
     state = Alternation(sight, start, options)
     objective = yield from alternate(state, options, False, f"{bases} bases" if bases > 1 else "one basis")
     return state, objective
+
+
+def _mean_misfit(state: Alternation) -> float:
+    return float(state.misfit(state.normals, state.weights).mean())
 
 
 def _tables(state: Alternation, objective: list[float]) -> Tables:
