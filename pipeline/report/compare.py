@@ -114,7 +114,8 @@ def _bases_table(comparisons: Sequence[Comparison], found: Sequence[Figures]) ->
     rows = []
     for name in names:
         share = np.mean([(c.mask & c.parts[name]).sum() / c.mask.sum() for c in comparisons])
-        rows.append([name, _percent(float(share)), *(_percent(one["bases"].get(name, 0.0)) for one in found)])
+        errors = [_percent(one["bases"][name]) if name in one["bases"] else "not lit" for one in found]
+        rows.append([name, _percent(float(share)), *errors])
     heads = ("material", "of the pixels", *(c.words for c in comparisons))
     words = (
         "Relative RMSE, over all lights together, of the pixels that show more of one basis of the recovered material "

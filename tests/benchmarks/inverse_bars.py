@@ -110,7 +110,7 @@ def picture_error(recovered: Path, photographs: tuple[Path, Path]) -> float:
 def texture_error(recovered: Path) -> float:
     """Return the mean relative error of the poster's reflectance over cells of about two pixels [%]."""
     scenes.load(str(recovered))
-    found = array(bpy.data.images["Poster Reflectance"])
+    found = array(bpy.data.images["Poster Reflectance"])[..., :3]
     seen, true = (averaged(averaged(one, CELLS[0], 0), CELLS[1], 1) for one in (found, desk_room.poster()))
     return float(100 * np.abs(seen / true - 1).mean())
 
